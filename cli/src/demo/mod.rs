@@ -1,0 +1,180 @@
+//! `eigentile demo`: everything once, and a page that shows it.
+
+mod materials;
+mod page;
+mod report;
+mod server;
+mod shots;
+
+use std::path::PathBuf;
+use std::time::Instant;
+
+use anyhow::{Context as _, Result};
+use clap::Args;
+use engine::gpu::Context;
+use scenes::showcase;
+
+use crate::render::{self, Ledgers, reference};
+use crate::{file, preprocess};
+use materials::Recipe;
+use report::{Flight, Report};
+use server::Server;
+use shots::Studio;
+
+/// Synthesize, preprocess, serve and render a scene of four materials; leaves pictures, a table and a page.
+#[derive(Args)]
+#[command(after_help = EXAMPLES)]
+pub(crate) struct Arguments {
+    /// Folder for everything.
+    #[arg(short, long, default_value = "eigentile-demo", value_name = "DIR")]
+    output: PathBuf,
+    /// Texels along each side of the materials.
+    #[arg(long, default_value_t = 128)]
+    material_size: u32,
+    /// Terms of the factorization.
+    #[arg(long, default_value_t = 48)]
+    components: u32,
+    /// Width and height of the pictures, pixels.
+    #[arg(long, default_value = "960x540", value_parser = render::parse_size)]
+    size: (u32, u32),
+    /// Frames of the flight.
+    #[arg(long, default_value_t = 40)]
+    frames: usize,
+    /// Prints the report as JSON, and no progress.
+    #[arg(long)]
+    json: bool,
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  eigentile demo
+  eigentile demo -o /tmp/demo --size 1280x720
+  eigentile demo --material-size 256 --components 100 --json
+
+Look at index.html in the folder. What is complete there is used again; remove the folder to start anew.";
+
+/// Caches that the settled pictures are shown for, as shares of what everything in view takes.
+const CACHE_SHARES: [f64; 3] = [0.12, 0.35, 1.0];
+/// Share for the flight.
+const FLIGHT_SHARE: f64 = 0.35;
+/// A cache with room for everything in view at the sizes offered here.
+const AMPLE_BYTES: u64 = 768 << 20;
+
+pub(crate) fn run(arguments: &Arguments) -> Result<()> {
+    let start = Instant::now();
+    let folder = &arguments.output;
+    let pictures = folder.join("pictures");
+    for part in ["npy", "tiles", "pictures"] {
+        file::make_folder(&folder.join(part))?;
+    }
+    let quiet = arguments.json;
+    let recipe = Recipe {
+        size: arguments.material_size,
+        job: preprocess::Job {
+            components: arguments.components,
+            quality: None,
+            memory: None,
+        },
+    };
+    let made: Vec<_> = showcase::ARCHIVES
+        .iter()
+        .map(|name| {
+            let made = materials::make(folder, name, &recipe, quiet)?;
+            say(
+                quiet,
+                start,
+                &format!(
+                    "{name}: {} in the archive",
+                    crate::bytes::text(made.archive_bytes)
+                ),
+            );
+            Ok(made)
+        })
+        .collect::<Result<_>>()?;
+
+    let (scene_path, camera_path) = showcase::save(folder)?;
+    let scene = scenes::gltf::load(&scene_path)?;
+    let path = scenes::CameraPath::load(&camera_path)?;
+    let server = Server::start(&folder.join("tiles"))?;
+    say(quiet, start, &format!("serving on {}", server.address()));
+
+    let studio = Studio {
+        context: Context::headless()?,
+        scene: &scene,
+        camera: *scene.cameras.first().context("the scene has no camera")?,
+        size: arguments.size,
+        address: server.address(),
+        folder: &pictures,
+        quiet,
+    };
+    let adapter = studio.context.adapter();
+    let references = reference::References::open(&scene, &folder.join("npy"))?;
+    let ledgers = Ledgers::fetch(server.address(), &scene)?;
+
+    // The picture with everything in it comes first: it tells what 100 % is.
+    let mut engine = studio.engine(AMPLE_BYTES, Box::new(studio.http()?), arguments.size)?;
+    let settled = render::settle(&mut engine, &studio.camera)?;
+    let full = *settled.last().context("no frame was drawn")?;
+    let request = reference::Request {
+        scene: &scene,
+        camera: &studio.camera,
+        exposure_stops: 0.0,
+        residency_rms: full.predicted_rms,
+        quiet,
+    };
+    let (quality, truth) = reference::compare(&engine, &request, &ledgers, &references, &pictures)?;
+    let whole_bytes = ledgers.cache_bytes(full.pages_resident, full.columns_resident);
+    drop(engine);
+    say(quiet, start, &quality.text());
+
+    let refinement = studio.refinement(AMPLE_BYTES, full.wire_bytes_total, &truth)?;
+    say(quiet, start, "refinement");
+    let caches = CACHE_SHARES
+        .iter()
+        .enumerate()
+        .map(|(number, share)| {
+            let bytes = ((whole_bytes as f64 * share) as u64).max(1 << 20);
+            studio.settled(bytes, &truth, &format!("cache_{}.png", number + 1))
+        })
+        .collect::<Result<_>>()?;
+    say(quiet, start, "caches");
+    let flight_bytes = ((whole_bytes as f64 * FLIGHT_SHARE) as u64).max(1 << 20);
+    let flight_start = Instant::now();
+    let flight_size = (arguments.size.0 / 3 * 2, arguments.size.1 / 3 * 2);
+    let frames = studio.flight(&path, arguments.frames, flight_size, flight_bytes)?;
+    let flight = Flight::new(frames, flight_bytes, flight_start.elapsed());
+    server.stop()?;
+
+    let report = Report {
+        adapter,
+        triangles: scene.triangle_count(),
+        size: arguments.size,
+        material_size: arguments.material_size,
+        components: arguments.components,
+        materials: made,
+        quality,
+        refinement,
+        caches,
+        flight,
+        seconds: start.elapsed().as_secs_f64(),
+    };
+    file::write_json(&folder.join("report.json"), &report)?;
+    file::write(&folder.join("report.md"), report.markdown().as_bytes())?;
+    file::write(&folder.join("index.html"), page::html(&report).as_bytes())?;
+    if arguments.json {
+        return file::print_json(&report);
+    }
+    use std::io::Write;
+    let table = format!(
+        "{}\nLook at {}\n",
+        report.markdown(),
+        folder.join("index.html").display()
+    );
+    Ok(std::io::stdout().lock().write_all(table.as_bytes())?)
+}
+
+fn say(quiet: bool, start: Instant, what: &str) {
+    if !quiet {
+        eprintln!("{:6.1} s  {}", start.elapsed().as_secs_f64(), what.trim_end());
+    }
+}

@@ -1,0 +1,317 @@
+//! `eigentile render`: pictures of a scene whose materials are streamed.
+
+mod ledger;
+pub(crate) mod picture;
+pub(crate) mod reference;
+
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use anyhow::{Context as _, Result, bail, ensure};
+use clap::Args;
+use engine::frame::{Counters, Engine, FrameStats, Options};
+use engine::gpu::Context;
+use engine::stream;
+use scenes::{Camera, CameraPath, Scene};
+use serde::Serialize;
+
+use crate::{bytes, file, progress};
+pub(crate) use ledger::Ledgers;
+pub(crate) use reference::Quality;
+
+/// Render a scene, streaming its materials from a folder or over HTTP.
+#[derive(Args)]
+#[command(after_help = EXAMPLES)]
+pub(crate) struct Arguments {
+    /// Scene: .gltf or .glb; docs/scenes.md says how materials name BTFs.
+    #[arg(value_name = "SCENE.gltf")]
+    scene: PathBuf,
+    /// Tile server (http://HOST:PORT) or folder of archives; without it the scene's own folder.
+    #[arg(long, value_name = "URL|DIR")]
+    tiles: Option<String>,
+    /// Camera path; without it the scene's first camera, or one that shows everything.
+    #[arg(long, value_name = "PATH.json")]
+    camera: Option<PathBuf>,
+    /// Width and height of the pictures, pixels.
+    #[arg(long, default_value = "1280x720", value_parser = parse_size)]
+    size: (u32, u32),
+    /// Frames to render while materials arrive; without it 60 along a path, and one without a path.
+    #[arg(long)]
+    frames: Option<usize>,
+    /// Memory on the GPU for pages and columns, MiB.
+    #[arg(long, value_name = "N", default_value_t = 384)]
+    cache_mib: u64,
+    /// Brightens (or darkens) the pictures by so many stops.
+    #[arg(long, default_value_t = 0.0, allow_negative_numbers = true)]
+    exposure: f32,
+    /// Folder for the pictures.
+    #[arg(short, long, value_name = "DIR")]
+    output: PathBuf,
+    /// Writes what each frame did as JSON.
+    #[arg(long, value_name = "S.json")]
+    stats: Option<PathBuf>,
+    /// Compares with the uncompressed BTFs NPY_DIR/ARCHIVE.npy, shaded in f64.
+    #[arg(long, value_name = "NPY_DIR")]
+    reference: Option<PathBuf>,
+    /// Prints the statistics as JSON, and no progress.
+    #[arg(long)]
+    json: bool,
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  eigentile render scene.gltf --tiles tiles -o pictures
+  eigentile render scene.gltf --tiles http://127.0.0.1:8080 --camera flight.json --frames 120 -o pictures
+  eigentile render scene.gltf --tiles tiles --cache-mib 16 -o pictures --reference npy --stats stats.json
+
+Leaves frame_0000.png and so on as they were while materials arrived, and settled.png and settled.exr (linear
+radiance) of the last view with all that the cache can hold; with --reference also reference.png and error.png.";
+
+/// Frames along a path if the user does not say.
+const PATH_FRAMES: usize = 60;
+/// Most frames, and pixels along a side.
+const MAX_FRAMES: usize = 1_000_000;
+const MAX_SIDE: u32 = 16_384;
+/// Longest time for the manifests of the materials.
+const MANIFESTS: Duration = Duration::from_secs(60);
+/// Longest time until the last view has settled.
+pub(crate) const SETTLE: Duration = Duration::from_secs(600);
+
+/// What was rendered.
+#[derive(Serialize)]
+struct Statistics {
+    adapter: String,
+    scene: PathBuf,
+    triangles: usize,
+    tiles: String,
+    width: u32,
+    height: u32,
+    cache_bytes: u64,
+    frames: Vec<FrameStats>,
+    /// Frames until the last view had settled.
+    settling: Vec<FrameStats>,
+    /// Work that was not needed, and work that went wrong.
+    counters: Counters,
+    /// What went wrong without stopping the picture.
+    problems: Vec<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    quality: Option<Quality>,
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<()> {
+    let scene = scenes::gltf::load(&arguments.scene)?;
+    let cameras = cameras(arguments, &scene)?;
+    let tiles = arguments
+        .tiles
+        .clone()
+        .map_or_else(|| own_folder(&arguments.scene), Ok)?;
+    let cache_bytes = arguments
+        .cache_mib
+        .checked_mul(1 << 20)
+        .context("--cache-mib is too large")?;
+    let options = Options {
+        exposure_stops: arguments.exposure,
+        ..budgeted(arguments.size, cache_bytes)
+    };
+    file::make_folder(&arguments.output)?;
+    let context = Context::headless()?;
+    let adapter = context.adapter();
+    let mut engine = Engine::new(context, &scene, stream::open(&tiles)?, options)?;
+    engine.wait_for_materials(MANIFESTS)?;
+
+    let mut frames = Vec::with_capacity(cameras.len());
+    let bar = progress::bar("rendering", cameras.len() as u64, arguments.json);
+    for (number, camera) in cameras.iter().enumerate() {
+        frames.push(engine.frame(camera)?);
+        let picture = arguments.output.join(format!("frame_{number:04}.png"));
+        picture::write_png(&picture, arguments.size, &engine.tonemapped()?)?;
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+
+    let last = cameras.last().context("there is no camera")?;
+    let bar = progress::spinner("settling", arguments.json);
+    let settling = settle(&mut engine, last);
+    bar.finish_and_clear();
+    let settling = settling?;
+    picture::write_png(
+        &arguments.output.join("settled.png"),
+        arguments.size,
+        &engine.tonemapped()?,
+    )?;
+    picture::write_exr(&arguments.output.join("settled.exr"), &engine.picture()?)?;
+
+    let quality = match &arguments.reference {
+        Some(folder) => {
+            let residency_rms = settling.last().map_or(0.0, |stats| stats.predicted_rms);
+            let request = reference::Request {
+                scene: &scene,
+                camera: last,
+                exposure_stops: arguments.exposure,
+                residency_rms,
+                quiet: arguments.json,
+            };
+            let ledgers = Ledgers::fetch(&tiles, &scene)?;
+            let references = reference::References::open(&scene, folder)?;
+            Some(reference::compare(&engine, &request, &ledgers, &references, &arguments.output)?.0)
+        }
+        None => None,
+    };
+    let statistics = Statistics {
+        adapter,
+        scene: arguments.scene.clone(),
+        triangles: scene.triangle_count(),
+        tiles,
+        width: arguments.size.0,
+        height: arguments.size.1,
+        cache_bytes,
+        frames,
+        settling,
+        counters: engine.counters(),
+        problems: engine.problems().map(str::to_owned).collect(),
+        quality,
+    };
+    if let Some(path) = &arguments.stats {
+        file::write_json(path, &statistics)?;
+    }
+    if arguments.json {
+        return file::print_json(&statistics);
+    }
+    eprint!("{}", statistics.text(&arguments.output));
+    Ok(())
+}
+
+/// Frames until nothing moves any more.
+///
+/// # Errors
+/// If that takes longer than [`SETTLE`].
+pub(crate) fn settle(engine: &mut Engine, camera: &Camera) -> Result<Vec<FrameStats>> {
+    let frames = engine.settle(camera, SETTLE)?;
+    let settled = frames.last().is_some_and(|stats| stats.settled);
+    let problem = engine
+        .problems()
+        .last()
+        .unwrap_or("does the tile server answer?")
+        .to_owned();
+    ensure!(
+        settled,
+        "the picture has not settled within {} s: {problem}",
+        SETTLE.as_secs()
+    );
+    Ok(frames)
+}
+
+/// Budgets for a cache of this size: columns are large and few, pages small and many.
+pub(crate) fn budgeted(size: (u32, u32), cache_bytes: u64) -> Options {
+    let column_cache_bytes = cache_bytes / 3;
+    Options {
+        size,
+        page_cache_bytes: cache_bytes - column_cache_bytes,
+        column_cache_bytes,
+        ..Options::default()
+    }
+}
+
+fn cameras(arguments: &Arguments, scene: &Scene) -> Result<Vec<Camera>> {
+    let frames = arguments.frames.unwrap_or(if arguments.camera.is_some() {
+        PATH_FRAMES
+    } else {
+        1
+    });
+    ensure!(
+        (1..=MAX_FRAMES).contains(&frames),
+        "--frames is {frames}; it must be 1 to {MAX_FRAMES}"
+    );
+    if let Some(path) = &arguments.camera {
+        return Ok(CameraPath::load(path)?.frames(frames).collect());
+    }
+    let camera = match (scene.cameras.first(), scene.bounds()) {
+        (Some(camera), _) => *camera,
+        (None, Some((min, max))) => {
+            Camera::framing(min, max, arguments.size.0 as f32 / arguments.size.1 as f32)
+        }
+        (None, None) => bail!(
+            "{}: has neither a camera nor a mesh to look at",
+            arguments.scene.display()
+        ),
+    };
+    Ok(vec![camera; frames])
+}
+
+/// The folder of the scene, where archives are looked for without --tiles.
+fn own_folder(scene: &Path) -> Result<String> {
+    let folder = scene
+        .parent()
+        .filter(|folder| !folder.as_os_str().is_empty())
+        .unwrap_or(Path::new("."));
+    Ok(folder
+        .to_str()
+        .context("the scene's folder has a name that is not UTF-8; give --tiles")?
+        .to_owned())
+}
+
+pub(crate) fn parse_size(text: &str) -> Result<(u32, u32), String> {
+    let sides = text
+        .split_once(['x', 'X'])
+        .and_then(|(width, height)| Some((width.parse().ok()?, height.parse().ok()?)));
+    match sides {
+        Some((width, height)) if (1..=MAX_SIDE).contains(&width) && (1..=MAX_SIDE).contains(&height) => {
+            Ok((width, height))
+        }
+        _ => Err(format!(
+            "write WIDTHxHEIGHT such as 1280x720, each from 1 to {MAX_SIDE}"
+        )),
+    }
+}
+
+impl Statistics {
+    /// For people.
+    fn text(&self, output: &Path) -> String {
+        let mut text = format!(
+            "{} frames in {}, on {}\n",
+            self.frames.len(),
+            output.display(),
+            self.adapter
+        );
+        if let Some(last) = self.settling.last() {
+            text += &format!(
+                "settled after {} more: {} of {} wanted pages and {} columns resident, {} over the wire, {} on the GPU, predicted error {:.5}\n",
+                self.settling.len(),
+                last.pages_resident.min(last.pages_wanted),
+                last.pages_wanted,
+                last.columns_resident,
+                bytes::text(last.wire_bytes_total),
+                bytes::text(last.gpu_bytes),
+                last.predicted_rms,
+            );
+        }
+        for problem in &self.problems {
+            text += &format!("problem: {problem}\n");
+        }
+        if let Some(quality) = &self.quality {
+            text += &quality.text();
+        }
+        text
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_are_two_sides() {
+        assert_eq!(parse_size("1280x720"), Ok((1280, 720)));
+        for text in ["", "1280", "0x4", "4x0", "1280x720x3", "-1x5", "99999x5", "axb"] {
+            assert!(parse_size(text).is_err(), "{text}");
+        }
+    }
+
+    #[test]
+    fn the_whole_cache_is_given_to_pages_and_columns() {
+        for cache in [1, 16 << 20, u64::MAX] {
+            let options = budgeted((1, 1), cache);
+            assert_eq!(options.page_cache_bytes + options.column_cache_bytes, cache);
+        }
+    }
+}

@@ -1,0 +1,208 @@
+//! From records to pages and columns, with what the host keeps for it.
+//!
+//! A page is decoded against its decoded parent. [`HostStore`] keeps records and the pages that have children, least
+//! recently used first to go, in a budget of bytes. A parent that is gone is decoded again from its record, and a
+//! record that is gone is asked for again: [`Pending`] climbs down from the nearest ancestor that is left, one record
+//! at a time, and holds what it has reached itself, so that it gets there however small the budget.
+//!
+//! Source: Schwartz, Ruiters, Klein 2013, section 6 (the client keeps received tiles for their children).
+
+use std::sync::Arc;
+
+use bytes::Bytes;
+use lru::LruCache;
+use tileset::{Column, Page, PageId, SLOT_AREA, archive::Index, codec};
+
+use crate::{
+    Result,
+    residency::{Item, MaterialId},
+};
+
+/// Bytes of a decoded page.
+pub const PAGE_BYTES: u64 = SLOT_AREA as u64 * 8;
+/// Bytes that an entry of the store takes beside its contents.
+const ENTRY_BYTES: u64 = 128;
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+enum Key {
+    Record(Item),
+    Page(MaterialId, PageId),
+}
+
+enum Held {
+    Record(Bytes),
+    Page(Arc<Page>),
+}
+
+impl Held {
+    fn bytes(&self) -> u64 {
+        ENTRY_BYTES
+            + match self {
+                Held::Record(bytes) => bytes.len() as u64,
+                Held::Page(_) => PAGE_BYTES,
+            }
+    }
+}
+
+/// Records and decoded pages on the host.
+pub struct HostStore {
+    held: LruCache<Key, Held>,
+    bytes: u64,
+    reserved_bytes: u64,
+    budget_bytes: u64,
+}
+
+impl HostStore {
+    /// An empty store that keeps at most `budget_bytes`.
+    pub fn new(budget_bytes: u64) -> Self {
+        Self { held: LruCache::unbounded(), bytes: 0, reserved_bytes: 0, budget_bytes }
+    }
+
+    /// Bytes held.
+    pub fn bytes(&self) -> u64 {
+        self.bytes
+    }
+
+    /// A record that has been received, checked.
+    pub fn record(&mut self, item: Item) -> Option<Bytes> {
+        match self.held.get(&Key::Record(item))? {
+            Held::Record(bytes) => Some(bytes.clone()),
+            Held::Page(_) => None,
+        }
+    }
+
+    /// A decoded page.
+    pub fn page(&mut self, material: MaterialId, page: PageId) -> Option<Arc<Page>> {
+        match self.held.get(&Key::Page(material, page))? {
+            Held::Page(page) => Some(page.clone()),
+            Held::Record(_) => None,
+        }
+    }
+
+    /// Keeps a record. It must have been checked.
+    pub fn put_record(&mut self, item: Item, bytes: Bytes) {
+        self.put(Key::Record(item), Held::Record(bytes));
+    }
+
+    /// Keeps a page.
+    pub fn put_page(&mut self, material: MaterialId, page: PageId, decoded: Arc<Page>) {
+        self.put(Key::Page(material, page), Held::Page(decoded));
+    }
+
+    fn put(&mut self, key: Key, held: Held) {
+        self.bytes += held.bytes();
+        self.bytes -= self.held.put(key, held).map_or(0, |old| old.bytes());
+        self.shrink();
+    }
+
+    /// Leaves this much of the budget to others.
+    pub fn reserve(&mut self, bytes: u64) {
+        self.reserved_bytes = bytes;
+        self.shrink();
+    }
+
+    fn shrink(&mut self) {
+        while self.bytes + self.reserved_bytes > self.budget_bytes {
+            let Some((_, oldest)) = self.held.pop_lru() else { break };
+            self.bytes -= oldest.bytes();
+        }
+    }
+}
+
+/// A record that is here and waits to be decoded.
+pub struct Pending {
+    /// What it is.
+    pub item: Item,
+    /// Its bytes, checked.
+    pub record: Bytes,
+    /// The finest ancestor that is decoded, where one had to be decoded again.
+    reached: Option<(PageId, Arc<Page>)>,
+}
+
+/// What a [`Pending`] can do next.
+pub enum Step {
+    /// Be decoded against this parent.
+    Ready(Option<Arc<Page>>),
+    /// Wait for the record of an ancestor.
+    Needs(PageId),
+}
+
+impl Pending {
+    /// A record that has arrived.
+    pub fn new(item: Item, record: Bytes) -> Self {
+        Self { item, record, reached: None }
+    }
+
+    /// Bytes held outside the store.
+    pub fn bytes(&self) -> u64 {
+        self.record.len() as u64 + if self.reached.is_some() { PAGE_BYTES } else { 0 }
+    }
+
+    /// Finds the decoded parent, decoding ancestors again as far as their records are there.
+    ///
+    /// # Errors
+    /// Those of [`codec::decode_page`], of an ancestor.
+    pub fn step(&mut self, index: &Index, store: &mut HostStore) -> Result<Step> {
+        let Item::Page(material, page) = self.item else { return Ok(Step::Ready(None)) };
+        let Some(parent) = parent_of(index, page) else { return Ok(Step::Ready(None)) };
+        // Up to the nearest ancestor that is decoded …
+        let mut missing = Vec::new();
+        let mut next = Some(parent);
+        let mut decoded = None;
+        while let Some(ancestor) = next {
+            decoded = match &self.reached {
+                Some((reached, page)) if *reached == ancestor => Some(page.clone()),
+                _ => store.page(material, ancestor),
+            };
+            if decoded.is_some() {
+                break;
+            }
+            missing.push(ancestor);
+            next = parent_of(index, ancestor);
+        }
+        // … and down again.
+        while let Some(ancestor) = missing.pop() {
+            let Some(record) = local_record(index, store, material, ancestor)? else { return Ok(Step::Needs(ancestor)) };
+            let page = codec::decode_page(index.manifest.codec, &index.pyramid, ancestor, &record, decoded.as_deref())?;
+            let page = Arc::new(page);
+            store.put_page(material, ancestor, page.clone());
+            self.reached = Some((ancestor, page.clone()));
+            decoded = Some(page);
+        }
+        Ok(Step::Ready(decoded))
+    }
+}
+
+/// The page that a page is decoded against.
+fn parent_of(index: &Index, page: PageId) -> Option<PageId> {
+    Some(PageId { tile: index.pyramid.parent(page.tile)?, ..page })
+}
+
+fn local_record(index: &Index, store: &mut HostStore, material: MaterialId, page: PageId) -> Result<Option<Bytes>> {
+    if index.page(page)?.length == 0 {
+        return Ok(Some(Bytes::new()));
+    }
+    Ok(store.record(Item::Page(material, page)))
+}
+
+/// A decoded record.
+pub enum Decoded {
+    /// A page.
+    Page(Arc<Page>),
+    /// A column.
+    Column(Column),
+}
+
+/// Decodes a record against its parent. Pure: many can be decoded at once.
+///
+/// # Errors
+/// Those of the codec.
+pub fn decode(index: &Index, pending: &Pending, parent: Option<&Page>) -> Result<Decoded> {
+    Ok(match pending.item {
+        Item::Page(_, page) => {
+            let codec = index.manifest.codec;
+            Decoded::Page(Arc::new(codec::decode_page(codec, &index.pyramid, page, &pending.record, parent)?))
+        }
+        Item::Column(_, group) => Decoded::Column(codec::decode_column(&index.manifest, group, &pending.record)?),
+    })
+}

@@ -1,0 +1,28 @@
+//! What went wrong without stopping the picture, for the user to read.
+
+use std::collections::VecDeque;
+
+/// Most messages that are kept; older ones go.
+const KEPT: usize = 64;
+
+/// The newest messages.
+#[derive(Default)]
+pub(super) struct Problems {
+    messages: VecDeque<String>,
+}
+
+impl Problems {
+    /// Adds a message and gives it back.
+    pub(super) fn add(&mut self, message: String) -> String {
+        if self.messages.len() == KEPT {
+            self.messages.pop_front();
+        }
+        self.messages.push_back(message.clone());
+        message
+    }
+
+    /// Messages, the oldest first.
+    pub(super) fn iter(&self) -> impl Iterator<Item = &str> {
+        self.messages.iter().map(String::as_str)
+    }
+}

@@ -1,0 +1,111 @@
+//! What a frame did, and what was saved.
+
+use std::time::Duration;
+
+use serde::Serialize;
+
+use crate::gpu::GpuMilliseconds;
+
+/// Milliseconds of one frame, by phase.
+#[derive(Clone, Copy, Debug, Default, Serialize)]
+pub struct Milliseconds {
+    /// Reading votes and deciding.
+    pub residency: f64,
+    /// Polling the source.
+    pub source: f64,
+    /// Decoding records.
+    pub decode: f64,
+    /// Writing slots and page tables.
+    pub upload: f64,
+    /// Visibility, feedback and shading: submitted and waited for, where that is known.
+    pub draw: f64,
+    /// The passes on the GPU, of the newest frame whose times are known.
+    pub gpu: Option<GpuMilliseconds>,
+}
+
+/// What one frame did.
+#[derive(Clone, Copy, Debug, Default, Serialize)]
+pub struct FrameStats {
+    /// Frames before this one.
+    pub frame: u64,
+    /// Pages with votes.
+    pub pages_wanted: u32,
+    /// Pages in the cache.
+    pub pages_resident: u32,
+    /// Columns in the cache.
+    pub columns_resident: u32,
+    /// Items placed in free slots in this frame.
+    pub added: u32,
+    /// Items placed by evicting another in this frame.
+    pub swapped: u32,
+    /// Requests in flight after this frame.
+    pub in_flight: u32,
+    /// Bytes that crossed the wire in this frame.
+    pub wire_bytes: u64,
+    /// Bytes that crossed the wire since the start.
+    pub wire_bytes_total: u64,
+    /// Bytes allocated on the GPU: caches, tables, meshes, targets.
+    pub gpu_bytes: u64,
+    /// Bytes in the caches on the host.
+    pub host_bytes: u64,
+    /// Root mean square reflectance error that is predicted against full residency.
+    pub predicted_rms: f64,
+    /// All archives are known, every pixel has voted, nothing is in flight and nothing would lower the error.
+    pub settled: bool,
+    /// The picture was drawn; otherwise nothing had changed and the last one stands.
+    pub drawn: bool,
+    /// Time by phase.
+    pub ms: Milliseconds,
+}
+
+/// Work that was not needed, and work that went wrong, since the start.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Counters {
+    /// Frames that were not drawn because nothing had changed.
+    pub draws_skipped: u64,
+    /// Frames without a feedback pass because every pixel had voted.
+    pub feedback_skipped: u64,
+    /// Requests given up because the camera left them behind.
+    pub requests_cancelled: u64,
+    /// Records that the host still had.
+    pub records_from_host: u64,
+    /// Pages that equal their up-sampled parent and were never asked for.
+    pub pages_not_stored: u64,
+    /// Arrived items that were not worth a slot any more.
+    pub arrivals_dropped: u64,
+    /// Records of ancestors asked for again because the host had dropped them.
+    pub ancestors_again: u64,
+    /// Records that did not match the directory.
+    pub records_damaged: u64,
+    /// Requests that failed.
+    pub requests_failed: u64,
+}
+
+/// Measures phases. Browsers have no clock here: everything takes no time there.
+pub(super) struct Stopwatch {
+    #[cfg(not(target_arch = "wasm32"))]
+    start: std::time::Instant,
+}
+
+impl Stopwatch {
+    pub(super) fn start() -> Self {
+        Self {
+            #[cfg(not(target_arch = "wasm32"))]
+            start: std::time::Instant::now(),
+        }
+    }
+
+    pub(super) fn elapsed(&self) -> Duration {
+        #[cfg(not(target_arch = "wasm32"))]
+        return self.start.elapsed();
+        #[cfg(target_arch = "wasm32")]
+        return Duration::ZERO;
+    }
+
+    /// Milliseconds since the start or the last lap.
+    pub(super) fn lap(&mut self) -> f64 {
+        let elapsed = self.elapsed();
+        *self = Self::start();
+        elapsed.as_secs_f64() * 1e3
+    }
+}

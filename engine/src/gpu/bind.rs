@@ -1,0 +1,157 @@
+//! Bind groups: layouts from lists of bindings, and buffers with contents.
+
+use wgpu::util::DeviceExt;
+
+use crate::{Error, Result, gpu::Context};
+
+/// What a shader binds.
+#[derive(Clone, Copy)]
+pub(super) enum Binding {
+    Uniform,
+    /// Read only.
+    Storage,
+    /// Read and written.
+    Counters,
+    /// Array of filtered textures.
+    Layers,
+    /// Texels read one by one: floats, or unsigned integers.
+    Floats,
+    Integers,
+    Sampler,
+    /// Written.
+    Picture(wgpu::TextureFormat),
+}
+
+impl Binding {
+    fn ty(self) -> wgpu::BindingType {
+        let buffer = |ty| wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None };
+        let texture = |sample_type, view_dimension| wgpu::BindingType::Texture {
+            sample_type,
+            view_dimension,
+            multisampled: false,
+        };
+        match self {
+            Binding::Uniform => buffer(wgpu::BufferBindingType::Uniform),
+            Binding::Storage => buffer(wgpu::BufferBindingType::Storage { read_only: true }),
+            Binding::Counters => buffer(wgpu::BufferBindingType::Storage { read_only: false }),
+            Binding::Layers => {
+                texture(wgpu::TextureSampleType::Float { filterable: true }, wgpu::TextureViewDimension::D2Array)
+            }
+            Binding::Floats => {
+                texture(wgpu::TextureSampleType::Float { filterable: false }, wgpu::TextureViewDimension::D2)
+            }
+            Binding::Integers => texture(wgpu::TextureSampleType::Uint, wgpu::TextureViewDimension::D2),
+            Binding::Sampler => wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering),
+            Binding::Picture(format) => wgpu::BindingType::StorageTexture {
+                access: wgpu::StorageTextureAccess::WriteOnly,
+                format,
+                view_dimension: wgpu::TextureViewDimension::D2,
+            },
+        }
+    }
+}
+
+/// A layout with these bindings at 0, 1, 2, …
+pub(super) fn layout(
+    context: &Context,
+    label: &str,
+    visibility: wgpu::ShaderStages,
+    bindings: &[Binding],
+) -> wgpu::BindGroupLayout {
+    let entries: Vec<_> = (0..)
+        .zip(bindings)
+        .map(|(binding, kind)| wgpu::BindGroupLayoutEntry { binding, visibility, ty: kind.ty(), count: None })
+        .collect();
+    context
+        .device
+        .create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some(label), entries: &entries })
+}
+
+/// A bind group with these resources at 0, 1, 2, …
+pub(super) fn group(
+    context: &Context,
+    label: &str,
+    layout: &wgpu::BindGroupLayout,
+    resources: &[wgpu::BindingResource<'_>],
+) -> wgpu::BindGroup {
+    let entries: Vec<_> = (0..)
+        .zip(resources)
+        .map(|(binding, resource)| wgpu::BindGroupEntry { binding, resource: resource.clone() })
+        .collect();
+    context.device.create_bind_group(&wgpu::BindGroupDescriptor { label: Some(label), layout, entries: &entries })
+}
+
+/// A storage buffer with contents; of one element of zeros if there are none, since bindings cannot be empty.
+///
+/// # Errors
+/// [`Error::Budget`] beyond what the adapter binds.
+pub(super) fn storage<T: bytemuck::Pod>(context: &Context, label: &str, contents: &[T]) -> Result<wgpu::Buffer> {
+    let empty = [T::zeroed()];
+    let contents: &[u8] = bytemuck::cast_slice(if contents.is_empty() { &empty } else { contents });
+    let limits = context.device.limits();
+    let limit = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
+    if contents.len() as u64 > limit {
+        return Err(Error::Budget(format!(
+            "the {label} of this scene take {} bytes, but a buffer of this adapter holds at most {limit}: \
+             draw fewer or smaller things at once",
+            contents.len()
+        )));
+    }
+    Ok(context.device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
+        label: Some(label),
+        contents,
+        usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC,
+    }))
+}
+
+/// A compute pipeline of the shader of this name, whose entry point has the same name.
+pub(super) fn compute(
+    context: &Context,
+    name: &'static str,
+    groups: &[&wgpu::BindGroupLayout],
+) -> Result<wgpu::ComputePipeline> {
+    let groups: Vec<_> = groups.iter().copied().map(Some).collect();
+    let layout = context.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+        label: Some(name),
+        bind_group_layouts: &groups,
+        immediate_size: 0,
+    });
+    Ok(context.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+        label: Some(name),
+        layout: Some(&layout),
+        module: &module(context, name)?,
+        entry_point: Some(name),
+        compilation_options: Default::default(),
+        cache: None,
+    }))
+}
+
+/// The module of a shader.
+pub(super) fn module(context: &Context, name: &'static str) -> Result<wgpu::ShaderModule> {
+    let source = shaders::shader(name).map_err(|error| Error::Adapter(error.to_string()))?;
+    Ok(context.device.create_shader_module(wgpu::ShaderModuleDescriptor {
+        label: Some(name),
+        source: wgpu::ShaderSource::Wgsl(source.into()),
+    }))
+}
+
+/// Workgroups of all passes are 8 × 8 invocations.
+const WORKGROUP_SIDE: u32 = 8;
+
+/// Runs one pass over `size` invocations.
+pub(super) fn dispatch(
+    encoder: &mut wgpu::CommandEncoder,
+    label: &str,
+    pipeline: &wgpu::ComputePipeline,
+    groups: [&wgpu::BindGroup; 3],
+    size: (u32, u32),
+    timestamp_writes: Option<wgpu::ComputePassTimestampWrites<'_>>,
+) {
+    let mut pass =
+        encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some(label), timestamp_writes });
+    pass.set_pipeline(pipeline);
+    for (index, group) in (0..).zip(groups) {
+        pass.set_bind_group(index, group, &[]);
+    }
+    pass.dispatch_workgroups(size.0.div_ceil(WORKGROUP_SIDE), size.1.div_ceil(WORKGROUP_SIDE), 1);
+}

@@ -1,0 +1,161 @@
+//! The column cache: eigen-ABRDFs of resident groups, in slots of the size of the scene's largest column.
+//!
+//! Source: Schwartz, Ruiters, Klein 2013, section 6 (columns come one by one) and section 7 (a further light holds
+//! the pre-integrated ambient term).
+
+use half::f16;
+use tileset::Column;
+
+use crate::{Error, Result, gpu::Context, residency::Slot};
+
+/// Narrowest and widest layer, in texels; a power of two, so that shaders split an index by shift and mask.
+const MIN_WIDTH_SHIFT: u32 = 8;
+const MAX_WIDTH_SHIFT: u32 = 13;
+
+/// How slots are laid out: each takes whole rows of a layer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Rows {
+    /// Log2 of a layer's width in texels.
+    pub width_shift: u32,
+    /// Rows of a slot.
+    pub slot_rows: u32,
+    /// Slots in a layer.
+    pub layer_slots: u32,
+    /// Layers.
+    pub layers: u32,
+}
+
+impl Rows {
+    /// As many slots for columns of `texels` texels as `budget_bytes` hold; `None` if that is none.
+    pub fn new(texels: u64, budget_bytes: u64, max_side: u32, max_layers: u32) -> Option<Self> {
+        let texels = texels.max(1);
+        let width_shift =
+            (MIN_WIDTH_SHIFT..=MAX_WIDTH_SHIFT).find(|&shift| texels.div_ceil(1 << shift) <= u64::from(max_side))?;
+        let slot_rows = texels.div_ceil(1 << width_shift) as u32;
+        let slots = budget_bytes / (u64::from(slot_rows) << width_shift << 3);
+        let layer_slots = slots.div_ceil(max_layers.into()).clamp(1, (max_side / slot_rows).into()) as u32;
+        let layers = (slots / u64::from(layer_slots)).min(max_layers.into()) as u32;
+        (layers > 0).then_some(Self { width_shift, slot_rows, layer_slots, layers })
+    }
+
+    /// Slots in all.
+    pub fn slots(self) -> u32 {
+        self.layer_slots * self.layers
+    }
+
+    /// Bytes of a slot.
+    pub fn slot_bytes(self) -> u64 {
+        u64::from(self.slot_rows) << self.width_shift << 3
+    }
+
+    /// Layer and first row of a slot.
+    pub fn place(self, slot: Slot) -> (u32, u32) {
+        (slot.0 / self.layer_slots, slot.0 % self.layer_slots * self.slot_rows)
+    }
+
+    /// The same, as an entry of the page table names them.
+    pub fn address(self, slot: Slot) -> u32 {
+        let (layer, row) = self.place(slot);
+        layer << 16 | row
+    }
+}
+
+/// The texture.
+pub(super) struct ColumnCache {
+    pub(super) rows: Rows,
+    texture: wgpu::Texture,
+    pub(super) view: wgpu::TextureView,
+}
+
+impl ColumnCache {
+    /// # Errors
+    /// [`Error::Budget`] if there is no room for one column.
+    pub(super) fn new(context: &Context, texels: u64, budget_bytes: u64) -> Result<Self> {
+        let limits = context.device.limits();
+        let rows = Rows::new(texels, budget_bytes, limits.max_texture_dimension_2d, limits.max_texture_array_layers)
+            .ok_or_else(|| {
+                Error::Budget(format!(
+                    "a column cache of {budget_bytes} bytes has no room for one column of {texels} texels of 8 bytes"
+                ))
+            })?;
+        let texture = super::targets::layers(
+            context,
+            "column cache",
+            (1 << rows.width_shift, rows.slot_rows * rows.layer_slots, rows.layers),
+        );
+        let view = super::targets::layers_view(&texture);
+        Ok(Self { rows, texture, view })
+    }
+
+    /// Writes texels as [`with_ambient`] makes them.
+    pub(super) fn write(&self, context: &Context, slot: Slot, mut texels: Vec<[f16; 4]>) {
+        let (layer, row) = self.rows.place(slot);
+        let width = 1u32 << self.rows.width_shift;
+        texels.resize((self.rows.slot_rows * width) as usize, [f16::ZERO; 4]);
+        super::targets::write(
+            context,
+            &self.texture,
+            wgpu::Origin3d { x: 0, y: row, z: layer },
+            (width, self.rows.slot_rows),
+            bytemuck::cast_slice(&texels),
+        );
+    }
+
+    pub(super) fn bytes(&self) -> u64 {
+        u64::from(self.rows.slots()) * self.rows.slot_bytes()
+    }
+}
+
+/// A column as the cache holds it: [view][light, then ambient][rgb]; the ambient entry is the sum of the lights'
+/// entries, weighted.
+pub fn with_ambient(column: &Column, ambient_weights: &[f64]) -> Vec<[f16; 4]> {
+    let view_texels = (ambient_weights.len() * 3).max(1);
+    let views = column.texels.len() / view_texels;
+    let mut texels = Vec::with_capacity(views * (view_texels + 3));
+    for view in column.texels.chunks_exact(view_texels) {
+        texels.extend_from_slice(view);
+        let mut sums = [[0.0f64; 4]; 3];
+        for (light, &weight) in view.chunks_exact(3).zip(ambient_weights) {
+            for (sum, texel) in sums.iter_mut().flatten().zip(light.iter().flatten()) {
+                *sum += weight * texel.to_f64();
+            }
+        }
+        texels.extend(sums.map(|sum| sum.map(f16::from_f64)));
+    }
+    texels
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn slots_fit_the_budget_and_the_limits() {
+        for texels in [1, 255, 12 * 3, 81 * 82 * 3, 151 * 152 * 3, 4096 * 4097 * 3] {
+            let bytes = Rows::new(texels, u64::MAX / 2, 8192, 256).unwrap().slot_bytes();
+            assert!(bytes >= texels * 8 && bytes < texels * 8 + (8 << 13));
+            assert_eq!(Rows::new(texels, bytes - 1, 8192, 256), None);
+            for slots in [1, 2, 255, 256, 257, 1000] {
+                let rows = Rows::new(texels, bytes * slots, 8192, 256).unwrap();
+                assert!(u64::from(rows.slots()) <= slots && rows.layers <= 256);
+                assert!(rows.slot_rows * rows.layer_slots <= 8192);
+                let (layer, row) = rows.place(Slot(rows.slots() - 1));
+                assert!(layer == rows.layers - 1 && row + rows.slot_rows == rows.slot_rows * rows.layer_slots);
+            }
+        }
+    }
+
+    #[test]
+    fn the_ambient_entry_is_the_weighted_sum_over_lights() {
+        let texel = |x: f32| [f16::from_f32(x), f16::from_f32(-x), f16::ZERO, f16::ONE];
+        // Two views of two lights: value = 10 view + light, the same in all colours.
+        let texels = (0..12).map(|i| texel((i / 6 * 10 + i / 3 % 2) as f32)).collect();
+        let out = with_ambient(&Column { texels }, &[0.25, 0.5]);
+        assert_eq!(out.len(), 18);
+        assert_eq!(out[9..12], [texel(10.0); 3]);
+        for (at, value) in [(6, 0.5), (15, 0.25 * 10.0 + 0.5 * 11.0)] {
+            let [a, b, c, d] = out[at].map(f16::to_f32);
+            assert_eq!([a, b, c, d], [value, -value, 0.0, 0.75]);
+        }
+    }
+}

@@ -1,0 +1,107 @@
+//! The graphics device, with or without a window.
+
+use std::sync::{Arc, Mutex, PoisonError};
+
+use crate::{Error, Result};
+
+const NO_ADAPTER: &str = "none was found. Install a Vulkan driver (on Debian without a graphics card: apt-get install \
+     mesa-vulkan-drivers libvulkan1), or choose another backend with the environment variable WGPU_BACKEND";
+
+/// A device, its queue, and what went wrong with them.
+#[derive(Clone)]
+pub struct Context {
+    pub(crate) device: wgpu::Device,
+    pub(crate) queue: wgpu::Queue,
+    /// Errors that no call returns: validation, memory, a lost device. Only the first is kept.
+    fault: Arc<Mutex<Option<String>>>,
+}
+
+impl Context {
+    /// A device without a window, on the best adapter; WGPU_BACKEND and WGPU_ADAPTER_NAME choose another.
+    ///
+    /// # Errors
+    /// [`Error::Adapter`] if there is none, saying what to install.
+    #[cfg(not(target_arch = "wasm32"))]
+    pub fn headless() -> Result<Self> {
+        let instance =
+            wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle_from_env());
+        pollster::block_on(Self::new(&instance, None))
+    }
+
+    /// A device that can present to `surface`, if one is given.
+    ///
+    /// # Errors
+    /// [`Error::Adapter`] if there is none, or it lacks what WebGPU guarantees.
+    pub async fn new(instance: &wgpu::Instance, surface: Option<&wgpu::Surface<'_>>) -> Result<Self> {
+        #[cfg(not(target_arch = "wasm32"))]
+        let adapter = wgpu::util::initialize_adapter_from_env_or_default(instance, surface).await;
+        #[cfg(target_arch = "wasm32")]
+        let adapter = instance
+            .request_adapter(&wgpu::RequestAdapterOptions {
+                power_preference: wgpu::PowerPreference::HighPerformance,
+                compatible_surface: surface,
+                ..Default::default()
+            })
+            .await;
+        let adapter = adapter.map_err(|error| Error::Adapter(format!("{NO_ADAPTER} ({error})")))?;
+        let (device, queue) = adapter
+            .request_device(&wgpu::DeviceDescriptor {
+                label: Some("eigentile"),
+                required_features: adapter.features() & wgpu::Features::TIMESTAMP_QUERY,
+                required_limits: limits(&adapter.limits()),
+                ..Default::default()
+            })
+            .await
+            .map_err(|error| Error::Adapter(format!("{}: {error}", adapter.get_info().name)))?;
+        let fault = Arc::new(Mutex::new(None));
+        let keep = |fault: &Mutex<Option<String>>, message: String| {
+            fault.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(message);
+        };
+        let errors = fault.clone();
+        device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| keep(&errors, error.to_string())));
+        let losses = fault.clone();
+        device.set_device_lost_callback(move |reason, message| {
+            // Dropping the device is no loss.
+            if reason != wgpu::DeviceLostReason::Destroyed {
+                keep(&losses, format!("the device was lost: {message}"));
+            }
+        });
+        Ok(Self { device, queue, fault })
+    }
+
+    /// Name of the adapter and its driver.
+    pub fn adapter(&self) -> String {
+        let info = self.device.adapter_info();
+        format!("{} ({} {}, {})", info.name, info.driver, info.driver_info, info.backend)
+    }
+
+    /// Whether passes can be timed.
+    pub(crate) fn has_timestamps(&self) -> bool {
+        self.device.features().contains(wgpu::Features::TIMESTAMP_QUERY)
+    }
+
+    /// Fails if anything has gone wrong on the device since the start.
+    pub(crate) fn check(&self) -> Result<()> {
+        match &*self.fault.lock().unwrap_or_else(PoisonError::into_inner) {
+            Some(message) => Err(Error::Adapter(format!("{}: {message}", self.adapter()))),
+            None => Ok(()),
+        }
+    }
+
+    /// Waits for all submitted work. Returns at once in browsers, where nothing may wait.
+    pub(crate) fn wait(&self) -> Result<()> {
+        self.device.poll(wgpu::PollType::wait_indefinitely()).map_err(|error| Error::Adapter(error.to_string()))?;
+        self.check()
+    }
+}
+
+/// WebGPU's default limits, with textures and buffers as large as the adapter has them.
+fn limits(adapter: &wgpu::Limits) -> wgpu::Limits {
+    wgpu::Limits {
+        max_texture_dimension_2d: adapter.max_texture_dimension_2d,
+        max_texture_array_layers: adapter.max_texture_array_layers,
+        max_buffer_size: adapter.max_buffer_size,
+        max_storage_buffer_binding_size: adapter.max_storage_buffer_binding_size,
+        ..wgpu::Limits::default()
+    }
+}

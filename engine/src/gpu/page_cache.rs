@@ -1,0 +1,144 @@
+//! The page cache: one texture array whose layers hold a grid of slots.
+
+use glam::Vec2;
+use tileset::{Page, SLOT_TEXELS};
+
+use crate::{Error, Result, gpu::Context, residency::Slot};
+
+/// Bytes of a slot: 72² texels of four half floats.
+pub const SLOT_BYTES: u64 = SLOT_TEXELS as u64 * SLOT_TEXELS as u64 * 8;
+/// Most layers, rows and columns that an entry of the page table can name; see `pages.wgsl`.
+const MAX_LAYERS: u32 = 1 << 11;
+const MAX_GRID: u32 = 1 << 8;
+
+/// How slots are laid out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Grid {
+    /// Slots along the width of a layer.
+    pub columns: u32,
+    /// Slots along its height.
+    pub rows: u32,
+    /// Layers.
+    pub layers: u32,
+}
+
+impl Grid {
+    /// The grid that makes the most of `slots` slots, with sides up to `max_side` and up to `max_layers` layers.
+    /// `None` if there is not one slot. Large numbers get layers of at least 8 × 8 slots, so that what adapters
+    /// add to align a layer stays small; that leaves less than 1 % unused.
+    pub fn new(slots: u64, max_side: u32, max_layers: u32) -> Option<Self> {
+        let max_layers = max_layers.min(MAX_LAYERS);
+        let max_side = (max_side / SLOT_TEXELS).min(MAX_GRID);
+        let most = u64::from(max_side).pow(2) * u64::from(max_layers);
+        let slots = slots.min(most);
+        let least_side = if slots >= 64 * 128 { 8 } else { 1 };
+        let large_side = ((slots.div_ceil(max_layers.into()) as f64).sqrt().ceil() as u32).max(16).min(max_side);
+        let mut best: Option<Grid> = None;
+        for rows in least_side.min(large_side)..=large_side {
+            for columns in rows..=large_side {
+                let layers = (slots / u64::from(rows * columns)).min(max_layers.into()) as u32;
+                let grid = Grid { columns, rows, layers };
+                if layers > 0 && best.is_none_or(|best| best.slots() <= grid.slots()) {
+                    best = Some(grid);
+                }
+            }
+        }
+        best
+    }
+
+    /// Slots in all.
+    pub fn slots(self) -> u32 {
+        self.columns * self.rows * self.layers
+    }
+
+    /// Layer, row and column of a slot, as an entry of the page table names them.
+    pub fn address(self, slot: Slot) -> u32 {
+        let (layer, place) = (slot.0 / (self.columns * self.rows), slot.0 % (self.columns * self.rows));
+        (layer << 16) | ((place / self.columns) << 8) | (place % self.columns)
+    }
+}
+
+/// The texture.
+pub(super) struct PageCache {
+    pub(super) grid: Grid,
+    texture: wgpu::Texture,
+    pub(super) view: wgpu::TextureView,
+    pub(super) sampler: wgpu::Sampler,
+}
+
+impl PageCache {
+    /// As many slots as fit into the budget.
+    ///
+    /// # Errors
+    /// [`Error::Budget`] if that is none.
+    pub(super) fn new(context: &Context, budget_bytes: u64) -> Result<Self> {
+        let limits = context.device.limits();
+        let slots = budget_bytes / SLOT_BYTES;
+        let grid = Grid::new(slots, limits.max_texture_dimension_2d, limits.max_texture_array_layers).ok_or_else(|| {
+            Error::Budget(format!("a page cache of {budget_bytes} bytes has no room for one page of {SLOT_BYTES} bytes"))
+        })?;
+        let texture = super::targets::layers(
+            context,
+            "page cache",
+            (grid.columns * SLOT_TEXELS, grid.rows * SLOT_TEXELS, grid.layers),
+        );
+        let view = super::targets::layers_view(&texture);
+        let sampler = context.device.create_sampler(&wgpu::SamplerDescriptor {
+            label: Some("pages"),
+            mag_filter: wgpu::FilterMode::Linear,
+            min_filter: wgpu::FilterMode::Linear,
+            ..Default::default()
+        });
+        Ok(Self { grid, texture, view, sampler })
+    }
+
+    pub(super) fn write(&self, context: &Context, slot: Slot, page: &Page) {
+        let Grid { columns, rows, .. } = self.grid;
+        let (layer, place) = (slot.0 / (columns * rows), slot.0 % (columns * rows));
+        let origin = wgpu::Origin3d { x: place % columns * SLOT_TEXELS, y: place / columns * SLOT_TEXELS, z: layer };
+        super::targets::write(
+            context,
+            &self.texture,
+            origin,
+            (SLOT_TEXELS, SLOT_TEXELS),
+            bytemuck::cast_slice(&page.texels),
+        );
+    }
+
+    /// One over width and height of a layer in texels.
+    pub(super) fn scale(&self) -> Vec2 {
+        1.0 / (Vec2::new(self.grid.columns as f32, self.grid.rows as f32) * SLOT_TEXELS as f32)
+    }
+
+    pub(super) fn bytes(&self) -> u64 {
+        u64::from(self.grid.slots()) * SLOT_BYTES
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn grids_use_the_budget_and_the_limits() {
+        assert_eq!(Grid::new(0, 8192, 256), None);
+        for slots in (1..600).chain([1618, 6473, 8191, 8209, 25889, 65536, 103_557, 1_000_003]) {
+            let grid = Grid::new(slots, 8192, 256).unwrap();
+            assert!(u64::from(grid.slots()) <= slots, "{slots} {grid:?}");
+            assert!(u64::from(grid.slots()) * 100 >= slots * 99, "{slots} {grid:?}");
+            assert!(grid.columns * SLOT_TEXELS <= 8192 && grid.rows * SLOT_TEXELS <= 8192 && grid.layers <= 256);
+        }
+        assert_eq!(Grid::new(u64::MAX, 8192, 256).unwrap().slots(), 113 * 113 * 256);
+    }
+
+    #[test]
+    fn addresses_name_every_slot_once() {
+        let grid = Grid { columns: 3, rows: 2, layers: 4 };
+        let mut addresses: Vec<_> = (0..grid.slots()).map(|slot| grid.address(Slot(slot))).collect();
+        assert_eq!(addresses[0], 0);
+        assert_eq!(addresses[5], 1 << 8 | 2);
+        assert_eq!(addresses[6], 1 << 16);
+        addresses.dedup();
+        assert_eq!(addresses.len(), 24);
+    }
+}

@@ -1,0 +1,190 @@
+//! The page table: for each tile and group the finest resident page among the tile and its ancestors.
+//!
+//! Source: Schwartz, Ruiters, Klein 2013, section 3. Kept up to date by the subtree of each page that comes or
+//! goes; only changed stretches are written to the GPU. Order: for each BTF its columns by group, then its pages by
+//! tile and group, so that a pixel that sums over groups reads one stretch.
+
+use shaders::mirror::NONE;
+use tileset::{PageId, Pyramid, Tile};
+
+/// Entries written together.
+const CHUNK: usize = 256;
+/// Shift of the mip in an entry of a page; below it lies the slot's address.
+const MIP_SHIFT: u32 = 27;
+
+/// One BTF's part of the table.
+#[derive(Clone, Copy, Debug)]
+pub struct Region {
+    /// First entry.
+    pub base: u32,
+    /// Component groups.
+    pub groups: u16,
+    /// Geometry of the pages.
+    pub pyramid: Pyramid,
+}
+
+/// The table on the host, and what of it has changed.
+#[derive(Debug, Default)]
+pub struct PageTable {
+    entries: Vec<u32>,
+    regions: Vec<Region>,
+    changed: Vec<bool>,
+}
+
+impl PageTable {
+    /// A table in which nothing is resident.
+    pub fn new(entries: u32, regions: Vec<Region>) -> Self {
+        let entries = vec![NONE; entries as usize];
+        Self { changed: vec![false; entries.len().div_ceil(CHUNK)], entries, regions }
+    }
+
+    /// All entries.
+    pub fn entries(&self) -> &[u32] {
+        &self.entries
+    }
+
+    /// Enters a column's slot, or takes it out.
+    pub fn set_column(&mut self, btf: usize, group: u16, address: Option<u32>) {
+        let entry = self.regions[btf].base as usize + usize::from(group);
+        self.set(entry, address.unwrap_or(NONE));
+    }
+
+    /// Enters a page: its tile and all below it that have no finer page show it.
+    pub fn insert(&mut self, btf: usize, page: PageId, address: u32) {
+        let mip = u32::from(page.tile.mip);
+        self.replace(btf, page, mip << MIP_SHIFT | address, |entry| entry == NONE || entry >> MIP_SHIFT >= mip);
+    }
+
+    /// Takes a page out: whatever showed it shows its parent's entry.
+    pub fn remove(&mut self, btf: usize, page: PageId) {
+        let region = self.regions[btf];
+        let parent = region.pyramid.parent(page.tile).map_or(NONE, |tile| self.entries[region.entry(page.group, tile)]);
+        let mip = u32::from(page.tile.mip);
+        self.replace(btf, page, parent, |entry| entry != NONE && entry >> MIP_SHIFT == mip);
+    }
+
+    /// Replaces the entries of a page's subtree that `applies` accepts.
+    fn replace(&mut self, btf: usize, page: PageId, new: u32, applies: impl Fn(u32) -> bool) {
+        let region = self.regions[btf];
+        for mip in (0..=page.tile.mip).rev() {
+            let depth = u32::from(page.tile.mip - mip);
+            let (columns, rows) = region.pyramid.grid(mip);
+            let range = |first: u16, count: u32| {
+                let first = u32::from(first) << depth;
+                first..(first + (1 << depth)).min(count)
+            };
+            for y in range(page.tile.y, rows) {
+                for x in range(page.tile.x, columns) {
+                    let entry = region.entry(page.group, Tile { mip, x: x as u16, y: y as u16 });
+                    if applies(self.entries[entry]) {
+                        self.set(entry, new);
+                    }
+                }
+            }
+        }
+    }
+
+    fn set(&mut self, entry: usize, value: u32) {
+        if self.entries[entry] != value {
+            self.entries[entry] = value;
+            self.changed[entry / CHUNK] = true;
+        }
+    }
+
+    /// Hands each changed stretch, with its first entry, to `write`, and calls it unchanged.
+    pub fn flush(&mut self, mut write: impl FnMut(usize, &[u32])) {
+        let mut chunk = 0;
+        while chunk < self.changed.len() {
+            let first = chunk;
+            while chunk < self.changed.len() && std::mem::take(&mut self.changed[chunk]) {
+                chunk += 1;
+            }
+            if first < chunk {
+                write(first * CHUNK, &self.entries[first * CHUNK..(chunk * CHUNK).min(self.entries.len())]);
+            }
+            chunk += 1;
+        }
+    }
+}
+
+impl Region {
+    fn entry(&self, group: u16, tile: Tile) -> usize {
+        let (columns, _) = self.pyramid.grid(tile.mip);
+        let index = self.pyramid.mip_base(tile.mip) + u32::from(tile.y) * columns + u32::from(tile.x);
+        let groups = usize::from(self.groups);
+        self.base as usize + groups + index as usize * groups + usize::from(group)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+
+    use proptest::prelude::*;
+
+    use super::*;
+
+    const GROUPS: u16 = 2;
+
+    fn table(pyramid: Pyramid) -> PageTable {
+        let entries = u32::from(GROUPS) * (pyramid.tile_count() + 1);
+        let region = |base| Region { base, groups: GROUPS, pyramid };
+        PageTable::new(2 * entries, vec![region(0), region(entries)])
+    }
+
+    /// What every entry should be: the finest resident page among tile and ancestors.
+    fn naive(pyramid: Pyramid, resident: &BTreeMap<PageId, u32>) -> Vec<u32> {
+        let mut entries = vec![NONE; usize::from(GROUPS)];
+        for tile in pyramid.tiles() {
+            for group in 0..GROUPS {
+                let mut place = Some(tile);
+                let entry = loop {
+                    let Some(tile) = place else { break NONE };
+                    if let Some(address) = resident.get(&PageId { group, tile }) {
+                        break u32::from(tile.mip) << MIP_SHIFT | address;
+                    }
+                    place = pyramid.parent(tile);
+                };
+                entries.push(entry);
+            }
+        }
+        entries
+    }
+
+    proptest! {
+        #[test]
+        fn entries_are_those_of_a_search(
+            (width, height) in (1u32..700, 1u32..700),
+            steps in prop::collection::vec((any::<u32>(), 0..GROUPS), 1..60),
+        ) {
+            let pyramid = Pyramid::new(width, height, true).unwrap();
+            let mut table = table(pyramid);
+            let mut on_gpu = table.entries().to_vec();
+            let mut resident = BTreeMap::new();
+            for (address, (tile, group)) in (0..).zip(steps) {
+                let tile = pyramid.tile_at(tile % pyramid.tile_count()).unwrap();
+                let page = PageId { group, tile };
+                if resident.remove(&page).is_some() {
+                    table.remove(1, page);
+                } else {
+                    resident.insert(page, address);
+                    table.insert(1, page, address);
+                }
+                table.flush(|first, entries| on_gpu[first..first + entries.len()].copy_from_slice(entries));
+                let half = table.entries().len() / 2;
+                prop_assert_eq!(&table.entries()[half..], &naive(pyramid, &resident)[..]);
+                prop_assert!(table.entries()[..half].iter().all(|&entry| entry == NONE));
+                prop_assert_eq!(&on_gpu[..], table.entries());
+            }
+        }
+    }
+
+    #[test]
+    fn columns_stand_before_the_pages() {
+        let mut table = table(Pyramid::new(64, 64, false).unwrap());
+        table.set_column(0, 1, Some(7));
+        assert_eq!(table.entries()[..2], [NONE, 7]);
+        table.set_column(0, 1, None);
+        assert!(table.entries().iter().all(|&entry| entry == NONE));
+    }
+}

@@ -1,0 +1,35 @@
+//! Reading textures back, for programs that may wait.
+
+use crate::{Error, Result, gpu::{Context, targets::Target}};
+
+/// All texels of a texture, row by row without padding. Waits for the GPU; not in browsers.
+///
+/// # Errors
+/// [`Error::Adapter`] if the device fails.
+pub(super) fn texels(context: &Context, target: &Target) -> Result<Vec<u8>> {
+    let (width, height) = (target.texture.width(), target.texture.height());
+    let row_bytes = width * target.texture.format().block_copy_size(None).unwrap_or(4);
+    // WebGPU copies rows at multiples of this.
+    let pitch = row_bytes.next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
+    let buffer = context.device.create_buffer(&wgpu::BufferDescriptor {
+        label: Some("readback"),
+        size: u64::from(pitch) * u64::from(height),
+        usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
+        mapped_at_creation: false,
+    });
+    let mut encoder = context.device.create_command_encoder(&Default::default());
+    encoder.copy_texture_to_buffer(
+        target.texture.as_image_copy(),
+        wgpu::TexelCopyBufferInfo {
+            buffer: &buffer,
+            layout: wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(pitch), rows_per_image: None },
+        },
+        target.texture.size(),
+    );
+    context.queue.submit([encoder.finish()]);
+    // The result is told by get_mapped_range.
+    buffer.map_async(wgpu::MapMode::Read, .., |_| {});
+    context.wait()?;
+    let mapped = buffer.get_mapped_range(..).map_err(|error| Error::Adapter(error.to_string()))?;
+    Ok(mapped.chunks_exact(pitch as usize).flat_map(|row| &row[..row_bytes as usize]).copied().collect())
+}

@@ -1,0 +1,409 @@
+//! Everything on the GPU: buffers, caches, passes, and the order in which they are used.
+
+use glam::Vec3;
+use scenes::{Camera, Scene};
+use shaders::mirror;
+use tileset::{Column, Page, PageId};
+
+use super::{
+    bind::{self, Binding},
+    column_cache::{ColumnCache, with_ambient},
+    feedback::{Counted, Feedback},
+    geometry::Geometry,
+    materials::{self, Bases, Btf},
+    page_cache::PageCache,
+    page_table::{PageTable, Region},
+    readback,
+    shade::Shade,
+    targets::Targets,
+    timers::{GpuMilliseconds, Pass, Timers},
+    tonemap::Tonemap,
+    view,
+    visibility::Visibility,
+};
+use crate::{Error, Result, gpu::Context, metrics::Picture, residency::Slot};
+
+/// Reflectance of BTFs whose archives are not known yet.
+const UNKNOWN: Vec3 = Vec3::splat(0.18);
+
+/// Budgets of the caches.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Caches {
+    /// Bytes of the page cache.
+    pub page_bytes: u64,
+    /// Bytes of the column cache.
+    pub column_bytes: u64,
+}
+
+/// What the feedback of a frame is to do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Ask {
+    /// Side of a feedback cell in pixels.
+    pub stride: u32,
+    /// Which pixel of each cell votes.
+    pub phase: u32,
+    /// Comes back with the votes.
+    pub tag: u64,
+}
+
+/// The GPU side of one scene.
+pub struct Renderer {
+    context: Context,
+    scene_materials: Vec<scenes::Material>,
+    geometry: Geometry,
+    frame: mirror::Frame,
+    frame_buffer: wgpu::Buffer,
+    passes: Passes,
+    targets: Targets,
+    materials: Materials,
+    groups: Groups,
+    timers: Option<Timers>,
+}
+
+struct Passes {
+    scene: wgpu::BindGroupLayout,
+    caches: wgpu::BindGroupLayout,
+    visibility: Visibility,
+    feedback: Feedback,
+    shade: Shade,
+    tonemap: Tonemap,
+}
+
+/// What depends on the BTFs that are known.
+struct Materials {
+    table: wgpu::Buffer,
+    directions: wgpu::Buffer,
+    bases: Vec<Bases>,
+    ambient_weights: Vec<Vec<f64>>,
+    page_table: PageTable,
+    page_table_buffer: wgpu::Buffer,
+    pages: PageCache,
+    columns: ColumnCache,
+}
+
+struct Groups {
+    scene: wgpu::BindGroup,
+    caches: wgpu::BindGroup,
+    feedback: wgpu::BindGroup,
+    shade: wgpu::BindGroup,
+    tonemap: wgpu::BindGroup,
+}
+
+impl Renderer {
+    /// A renderer whose BTF materials are all unknown.
+    ///
+    /// # Errors
+    /// [`Error::Scene`] if the scene does not hold together, [`Error::Budget`] if it is too large for the adapter.
+    pub fn new(context: Context, scene: &Scene, size: (u32, u32)) -> Result<Self> {
+        let geometry = Geometry::new(&context, scene)?;
+        let frame = view::frame(scene);
+        let frame_buffer = context.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("frame"),
+            size: size_of::<mirror::Frame>() as u64,
+            usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        let passes = Passes::new(&context)?;
+        let targets = Targets::new(&context, size)?;
+        let scene_materials = scene.materials.clone();
+        let nothing = Caches { page_bytes: super::page_cache::SLOT_BYTES, column_bytes: 1 << 16 };
+        let materials = Materials::new(&context, &scene_materials, &[], &vec![None; scene_materials.len()], nothing)?;
+        let groups = Groups::new(&context, &passes, &targets, &geometry, &materials, &frame_buffer);
+        let timers = Timers::new(&context);
+        context.check()?;
+        Ok(Self { context, scene_materials, geometry, frame, frame_buffer, passes, targets, materials, groups, timers })
+    }
+
+    /// Makes tables and caches for these BTFs; `btf_of` names for each material of the scene its BTF. Whatever was
+    /// resident is gone.
+    ///
+    /// # Errors
+    /// [`Error::Budget`] if the caches do not hold one page and one column, or tables exceed the adapter.
+    pub fn set_materials(&mut self, btfs: &[Btf], btf_of: &[Option<usize>], caches: Caches) -> Result<()> {
+        self.materials = Materials::new(&self.context, &self.scene_materials, btfs, btf_of, caches)?;
+        let votes = btfs.iter().map(|btf| btf.pyramid().tile_count()).sum();
+        self.passes.feedback.resize(&self.context, votes)?;
+        self.bind();
+        self.context.check()
+    }
+
+    /// Changes the size of the picture.
+    ///
+    /// # Errors
+    /// [`Error::Budget`] for no pixels, or more than the adapter has.
+    pub fn resize(&mut self, size: (u32, u32)) -> Result<()> {
+        self.targets = Targets::new(&self.context, size)?;
+        self.bind();
+        self.context.check()
+    }
+
+    fn bind(&mut self) {
+        self.groups = Groups::new(
+            &self.context,
+            &self.passes,
+            &self.targets,
+            &self.geometry,
+            &self.materials,
+            &self.frame_buffer,
+        );
+        let Materials { pages, columns, .. } = &self.materials;
+        self.frame.page_scale = pages.scale();
+        self.frame.column_shift = columns.rows.width_shift;
+        self.frame.column_mask = (1 << columns.rows.width_shift) - 1;
+    }
+
+    /// Slots of the page cache and of the column cache.
+    pub fn slots(&self) -> (u32, u32) {
+        (self.materials.pages.grid.slots(), self.materials.columns.rows.slots())
+    }
+
+    /// Pixels.
+    pub fn size(&self) -> (u32, u32) {
+        self.targets.size
+    }
+
+    /// For each BTF the index of its first counter among the votes.
+    pub fn vote_bases(&self) -> impl Iterator<Item = u32> + '_ {
+        self.materials.bases.iter().map(|bases| bases.votes)
+    }
+
+    /// Bytes allocated on the GPU.
+    pub fn bytes(&self) -> u64 {
+        self.geometry.bytes()
+            + self.frame_buffer.size()
+            + self.targets.bytes()
+            + self.passes.feedback.bytes()
+            + self.materials.bytes()
+    }
+
+    /// Writes a page into a slot and enters it into the page table.
+    pub fn place_page(&mut self, btf: usize, page: PageId, slot: Slot, texels: &Page) {
+        let Materials { pages, page_table, .. } = &mut self.materials;
+        pages.write(&self.context, slot, texels);
+        page_table.insert(btf, page, pages.grid.address(slot));
+    }
+
+    /// Takes a page out of the page table.
+    pub fn remove_page(&mut self, btf: usize, page: PageId) {
+        self.materials.page_table.remove(btf, page);
+    }
+
+    /// Writes a column with its ambient entries into a slot and enters it into the page table.
+    pub fn place_column(&mut self, btf: usize, group: u16, slot: Slot, column: &Column) {
+        let Materials { columns, ambient_weights, page_table, .. } = &mut self.materials;
+        columns.write(&self.context, slot, with_ambient(column, &ambient_weights[btf]));
+        page_table.set_column(btf, group, Some(columns.rows.address(slot)));
+    }
+
+    /// Takes a column out of the page table.
+    pub fn remove_column(&mut self, btf: usize, group: u16) {
+        self.materials.page_table.set_column(btf, group, None);
+    }
+
+    /// Writes what has changed in the page table.
+    pub fn flush(&mut self) {
+        let Materials { page_table, page_table_buffer, .. } = &mut self.materials;
+        let queue = &self.context.queue;
+        page_table.flush(|first, entries| {
+            queue.write_buffer(page_table_buffer, first as u64 * 4, bytemuck::cast_slice(entries));
+        });
+    }
+
+    /// Draws ids for a camera, if there is one, and asks for votes, if so told. Returns whether votes will come:
+    /// not while too many are on their way already.
+    pub fn look(&mut self, camera: Option<&Camera>, ask: Option<Ask>) -> bool {
+        let staging = ask.and_then(|ask| Some((ask, self.passes.feedback.free()?)));
+        if camera.is_none() && staging.is_none() {
+            return false;
+        }
+        if let Some(camera) = camera {
+            view::set_camera(&mut self.frame, camera, self.targets.size);
+        }
+        if let Some((ask, _)) = staging {
+            (self.frame.feedback_stride, self.frame.feedback_phase) = (ask.stride, ask.phase);
+        }
+        self.write_frame();
+        let mut encoder = self.context.device.create_command_encoder(&Default::default());
+        if camera.is_some() {
+            let timestamps = self.timers.as_mut().map(|timers| timers.render(Pass::Visibility));
+            let (visibility, scene) = (&self.passes.visibility, &self.groups.scene);
+            visibility.encode(&mut encoder, &self.targets, scene, &self.geometry.draws, timestamps);
+        }
+        if let Some((ask, staging)) = staging {
+            let timestamps = self.timers.as_mut().map(|timers| timers.compute(Pass::Feedback));
+            let (width, height) = self.targets.size;
+            let cells = (width.div_ceil(ask.stride), height.div_ceil(ask.stride));
+            let groups = [&self.groups.scene, &self.groups.caches, &self.groups.feedback];
+            self.passes.feedback.encode(&mut encoder, cells, groups, staging, timestamps);
+        }
+        self.context.queue.submit([encoder.finish()]);
+        if let Some((ask, staging)) = staging {
+            self.passes.feedback.map(staging, ask.tag);
+        }
+        staging.is_some()
+    }
+
+    /// Shades and maps tones; `exposure` is a factor.
+    pub fn draw(&mut self, exposure: f32) {
+        self.frame.exposure = exposure;
+        self.write_frame();
+        let mut encoder = self.context.device.create_command_encoder(&Default::default());
+        let (size, groups) = (self.targets.size, &self.groups);
+        let timestamps = self.timers.as_mut().map(|timers| timers.compute(Pass::Shade));
+        self.passes.shade.encode(&mut encoder, size, [&groups.scene, &groups.caches, &groups.shade], timestamps);
+        let timestamps = self.timers.as_mut().map(|timers| timers.compute(Pass::Tonemap));
+        self.passes.tonemap.encode(&mut encoder, size, [&groups.scene, &groups.caches, &groups.tonemap], timestamps);
+        let map = self.timers.as_mut().is_some_and(|timers| timers.resolve(&mut encoder));
+        self.context.queue.submit([encoder.finish()]);
+        if let Some(timers) = self.timers.as_mut().filter(|_| map) {
+            timers.map();
+        }
+    }
+
+    fn write_frame(&self) {
+        self.context.queue.write_buffer(&self.frame_buffer, 0, bytemuck::bytes_of(&self.frame));
+    }
+
+    /// Votes and times that have arrived, without waiting.
+    ///
+    /// # Errors
+    /// [`Error::Adapter`] if the device has failed.
+    pub fn poll(&mut self) -> Result<(Vec<Counted>, Option<GpuMilliseconds>)> {
+        self.context.device.poll(wgpu::PollType::Poll).map_err(|error| Error::Adapter(error.to_string()))?;
+        self.context.check()?;
+        Ok((self.passes.feedback.poll(), self.timers.as_mut().and_then(Timers::poll)))
+    }
+
+    /// Whether votes are on their way back.
+    pub fn votes_pending(&self) -> bool {
+        self.passes.feedback.pending()
+    }
+
+    /// Waits for all submitted work; at once in browsers.
+    ///
+    /// # Errors
+    /// [`Error::Adapter`] if the device has failed.
+    pub fn wait(&self) -> Result<()> {
+        self.context.wait()
+    }
+
+    /// The last picture, linear. Waits.
+    ///
+    /// # Errors
+    /// [`Error::Adapter`] if the device has failed.
+    pub fn picture(&self) -> Result<Picture> {
+        let bytes = readback::texels(&self.context, &self.targets.picture)?;
+        let (width, height) = self.targets.size;
+        let pixels = bytes.chunks_exact(16).map(|pixel| {
+            let [r, g, b, _]: [f32; 4] = bytemuck::pod_read_unaligned(pixel);
+            [r, g, b]
+        });
+        Ok(Picture { width, height, pixels: pixels.collect() })
+    }
+
+    /// The last picture in 8-bit sRGB with alpha. Waits.
+    ///
+    /// # Errors
+    /// [`Error::Adapter`] if the device has failed.
+    pub fn tonemapped(&self) -> Result<Vec<u8>> {
+        readback::texels(&self.context, &self.targets.screen)
+    }
+
+    /// For each pixel its instance, counted from 1, and triangle; 0 where nothing is. Waits.
+    ///
+    /// # Errors
+    /// [`Error::Adapter`] if the device has failed.
+    pub fn visibility(&self) -> Result<Vec<[u32; 2]>> {
+        let bytes = readback::texels(&self.context, &self.targets.visibility)?;
+        Ok(bytes.chunks_exact(8).map(bytemuck::pod_read_unaligned).collect())
+    }
+
+    /// Name of the adapter and its driver.
+    pub fn adapter(&self) -> String {
+        self.context.adapter()
+    }
+}
+
+impl Passes {
+    fn new(context: &Context) -> Result<Self> {
+        use wgpu::ShaderStages as Stages;
+        // Camera, vertices, indices, instances, materials, lights.
+        let storage = [Binding::Storage; 5];
+        let scene = [&[Binding::Uniform], &storage[..]].concat();
+        let scene = bind::layout(context, "scene", Stages::VERTEX | Stages::COMPUTE, &scene);
+        // Page table, directions, pages, columns.
+        let caches =
+            [Binding::Storage, Binding::Storage, Binding::Layers, Binding::Sampler, Binding::Layers];
+        let caches = bind::layout(context, "caches", Stages::COMPUTE, &caches);
+        Ok(Self {
+            visibility: Visibility::new(context, &scene)?,
+            feedback: Feedback::new(context, &scene, &caches)?,
+            shade: Shade::new(context, &scene, &caches)?,
+            tonemap: Tonemap::new(context, &scene, &caches)?,
+            scene,
+            caches,
+        })
+    }
+}
+
+impl Materials {
+    fn new(
+        context: &Context,
+        scene_materials: &[scenes::Material],
+        btfs: &[Btf],
+        btf_of: &[Option<usize>],
+        caches: Caches,
+    ) -> Result<Self> {
+        let tables = materials::pack(scene_materials, btfs, btf_of, UNKNOWN)?;
+        let regions = btfs.iter().zip(&tables.bases).map(|(btf, bases)| Region {
+            base: bases.page_table,
+            groups: btf.groups(),
+            pyramid: *btf.pyramid(),
+        });
+        let page_table = PageTable::new(tables.page_entries, regions.collect());
+        let column_texels = btfs.iter().map(Btf::column_texels).max().unwrap_or(1);
+        Ok(Self {
+            table: bind::storage(context, "materials", &tables.materials)?,
+            directions: bind::storage(context, "directions", &tables.directions)?,
+            bases: tables.bases,
+            ambient_weights: btfs.iter().map(|btf| btf.ambient_weights.clone()).collect(),
+            page_table_buffer: bind::storage(context, "page tables", page_table.entries())?,
+            page_table,
+            pages: PageCache::new(context, caches.page_bytes)?,
+            columns: ColumnCache::new(context, column_texels, caches.column_bytes)?,
+        })
+    }
+
+    fn bytes(&self) -> u64 {
+        let buffers = [&self.table, &self.directions, &self.page_table_buffer];
+        buffers.iter().map(|buffer| buffer.size()).sum::<u64>() + self.pages.bytes() + self.columns.bytes()
+    }
+}
+
+impl Groups {
+    fn new(
+        context: &Context,
+        passes: &Passes,
+        targets: &Targets,
+        geometry: &Geometry,
+        materials: &Materials,
+        frame: &wgpu::Buffer,
+    ) -> Self {
+        use wgpu::BindingResource::{Sampler, TextureView};
+        let scene = [frame, &geometry.vertices, &geometry.indices, &geometry.instances, &materials.table, &geometry.lights];
+        let caches = [
+            materials.page_table_buffer.as_entire_binding(),
+            materials.directions.as_entire_binding(),
+            TextureView(&materials.pages.view),
+            Sampler(&materials.pages.sampler),
+            TextureView(&materials.columns.view),
+        ];
+        Self {
+            scene: bind::group(context, "scene", &passes.scene, &scene.map(wgpu::Buffer::as_entire_binding)),
+            caches: bind::group(context, "caches", &passes.caches, &caches),
+            feedback: passes.feedback.bind(context, targets),
+            shade: passes.shade.bind(context, targets),
+            tonemap: passes.tonemap.bind(context, targets),
+        }
+    }
+}

@@ -1,0 +1,36 @@
+//! Pictures and how far apart they are.
+//!
+//! - `tone`: from linear radiance to what a screen shows.
+//! - `compare`: all figures of two pictures, as a [`Comparison`] for JSON.
+//! - `ssim`: structural similarity. `lab`: CIELAB and its colour differences.
+//!
+//! Errors of radiance are taken from linear values, before tone mapping; everything that speaks of what is seen
+//! (PSNR, SSIM, ΔE) from what the screen shows: exposed, tone mapped, clipped to [0, 1].
+
+mod compare;
+pub mod lab;
+pub mod ssim;
+pub mod tone;
+
+pub use compare::{Comparison, compare};
+
+/// Linear RGB, [y][x].
+#[derive(Clone, Debug, PartialEq)]
+pub struct Picture {
+    /// Pixels.
+    pub width: u32,
+    /// Pixels.
+    pub height: u32,
+    /// width × height pixels of radiance.
+    pub pixels: Vec<[f32; 3]>,
+}
+
+impl Picture {
+    /// What a screen shows of it, 8 bits per channel, sRGB: see [`tone::srgb8_from_radiance`].
+    pub fn to_srgb8(&self, exposure_stops: f32) -> Vec<[u8; 3]> {
+        self.pixels
+            .iter()
+            .map(|&pixel| tone::srgb8_from_radiance(pixel, exposure_stops))
+            .collect()
+    }
+}

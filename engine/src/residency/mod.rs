@@ -1,0 +1,176 @@
+//! What to keep in the page cache: votes in, operations out.
+//!
+//! Pure and deterministic: no clock, no I/O, no GPU, and time is counted in updates. Source: Schwartz, Ruiters,
+//! Klein 2013, section 5 (level-of-detail strategy and tile prioritization) and section 6 (columns).
+//!
+//! - `items`: the words of the contract: items, votes, plans, placements.
+//! - `rank`: the order in which items deserve their places.
+//! - `value`: values of pages that never grow from a page to its children.
+//! - `material`: votes, values and slots of one material.
+//! - `pool`: the slots of one cache, and who gives way.
+//! - `update`: from votes to requests. `arrival`: from answers to placements.
+//!
+//! # The resident set is closed
+//!
+//! A page is asked for and placed only while its parent is resident: the codec decodes it against its parent,
+//! and trilinear filtering reads both. Finer pages of a group moreover need the group's column; the group's
+//! root and its column are asked for together. The paper's `add` drops an ancestor that its children cover;
+//! here ancestors stay, so the page that gives way is always a leaf, and what is lost with it is w·v of that
+//! page alone: equation 10 with l' = l − 1. The paper's `swap` trades two pages for their ancestor because its
+//! ancestors have gone; here the ancestor is there already.
+//!
+//! # Values
+//!
+//! P = w·v (equation 9; v counts the pixels that want the page or a descendant) is what the squared error
+//! falls by when the page is added, and what it rises by when it goes. Priority and cost of a page are the
+//! same number, so every swap raises the sum of the values of all that is resident, which cannot go on
+//! forever: static votes settle.
+//!
+//! A plain P has one trap. The mips of a woven or porous material hold next to nothing until its structure
+//! begins, so w·v of the pages on the way there may be (nearly) zero and would never be asked for, whatever lies
+//! beneath them. So where a page's descendants are worth more than the page itself, they share: the value
+//! of a page is the largest mean of w·v over any set of wanted pages that it is the top of
+//! (`value`). Along a path from the root values then never grow, which makes three things true at once:
+//! where w·v does not grow along a path either, values are the paper's P; the page with the least value is
+//! always a leaf; and the best closed set of n pages is simply the n pages with the largest values, up to the
+//! last group of pages that share one.
+//!
+//! The value of a column is the whole error that its group can remove from the picture, Σ w·v over all wanted
+//! pages of the group: the paper's Σ v·‖T‖² (section 6) for the tiles that will be shown, because residuals to
+//! the up-sampled parent are nearly orthogonal. It does not depend on what is resident, so columns settle
+//! first and pages after them. In the order of requests a column counts as much as its root, w_root·v before
+//! anything finer is there, because that is all that its arrival brings at first. A column's swap can
+//! raise the predicted error until the pages of the new group are there; a page's swap lowers it at once
+//! wherever values are the paper's P.
+//!
+//! Pages of a group whose column is neither resident nor on its way are worth nothing. Items without votes are
+//! worth nothing either; both stay while there is room and are the first to give way, least recently wanted
+//! first.
+//!
+//! # Stability
+//!
+//! Free slots are filled first. With none left an item is asked for if it is worth more than what would give
+//! way by a [margin](SWAP_MARGIN); once in flight it is cancelled only if it is worth no more than that,
+//! without the margin, so small changes of the votes do not toggle it. Root and column of group 0 of every
+//! visible material are pinned as long as each visible material can have one.
+
+mod arrival;
+mod items;
+mod material;
+mod pool;
+mod rank;
+mod update;
+mod value;
+
+use std::collections::{BTreeSet, HashMap};
+
+pub use items::{Item, Limits, MaterialId, MaterialInfo, Placement, Plan, Slot, Summary, Vote};
+use material::Material;
+use pool::Pool;
+
+/// How much more an item must be worth than what gives way for it, before it is asked for: the 1.6 % that
+/// votes jitter by while a camera drifts. Bounds what settling forgoes by the same share.
+pub const SWAP_MARGIN: f64 = 1.0 / 64.0;
+
+/// Failures in a row after which an item no longer keeps the cache from counting as settled. It is still
+/// asked for now and then.
+pub const PATIENCE: u32 = 5;
+
+/// Longest time between two attempts at a failing item, in updates: a minute at 60 a second.
+pub const LONGEST_BACK_OFF: u64 = 4096;
+
+/// Most items whose failures are remembered; beyond, all are forgotten and tried again at once.
+const MOST_FAILURES: usize = 1 << 14;
+
+/// The set of resident items and the rules by which it changes.
+pub struct Residency {
+    limits: Limits,
+    materials: Vec<Material>,
+    pages: Pool,
+    columns: Pool,
+    /// Ordered, because plans follow its order.
+    in_flight: BTreeSet<Item>,
+    failures: HashMap<Item, Failure>,
+    /// Updates so far: the clock.
+    now: u64,
+    /// The last votes: what settled with them stays so.
+    votes: Vec<Vote>,
+    /// Pixels of the last votes.
+    pixels: u64,
+    /// The last update found something to ask for, or something has been placed since.
+    unsettled: bool,
+    added: u64,
+    swapped: u64,
+}
+
+/// Failures in a row, and the update from which on to try again.
+struct Failure {
+    count: u32,
+    retry: u64,
+}
+
+impl Residency {
+    /// An empty cache.
+    pub fn new(limits: Limits) -> Self {
+        Self {
+            limits,
+            materials: Vec::new(),
+            pages: Pool::new(limits.page_slots),
+            columns: Pool::new(limits.column_slots),
+            in_flight: BTreeSet::new(),
+            failures: HashMap::new(),
+            now: 0,
+            votes: Vec::new(),
+            pixels: 0,
+            unsettled: true,
+            added: 0,
+            swapped: 0,
+        }
+    }
+
+    /// Registers a material; ids count up from 0.
+    ///
+    /// Missing weights, and weights that are negative or not finite, count as zero. A scene has at most
+    /// 65,535 materials: those beyond all get the id 65,535, under which nothing is ever resident.
+    pub fn add_material(&mut self, info: MaterialInfo) -> MaterialId {
+        let id = MaterialId(self.materials.len().min(usize::from(u16::MAX)) as u16);
+        if id.0 != u16::MAX {
+            self.materials.push(Material::new(id, info));
+            self.unsettled = true;
+        }
+        id
+    }
+
+    /// Where an item is.
+    pub fn slot(&self, item: Item) -> Option<Slot> {
+        self.materials.get(item.material())?.slot(item)
+    }
+
+    /// Everything that is resident, in a fixed order: pages, then columns, each by slot.
+    pub fn resident(&self) -> Vec<(Item, Slot)> {
+        self.pages.iter().chain(self.columns.iter()).collect()
+    }
+
+    fn settled(&self) -> bool {
+        !self.unsettled && self.in_flight.is_empty()
+    }
+
+    /// What is known after the last update and the arrivals since.
+    pub fn summary(&self) -> Summary {
+        let missing: f64 = self.materials.iter().map(Material::missing).sum();
+        Summary {
+            pages_wanted: self.materials.iter().map(Material::pages_wanted).sum(),
+            pages_resident: self.pages.len(),
+            columns_resident: self.columns.len(),
+            in_flight: self.in_flight.len() as u32,
+            added: self.added,
+            swapped: self.swapped,
+            predicted_mse: if self.pixels > 0 {
+                missing / self.pixels as f64
+            } else {
+                0.0
+            },
+            settled: self.settled(),
+        }
+    }
+}

@@ -1,0 +1,258 @@
+//! Failures on purpose, for tests: whatever the network can do wrong, the same way every time.
+
+use std::{collections::HashSet, time::Duration};
+
+use super::{Answer, Request, Ticket, TileSource};
+use crate::Error;
+
+/// Chances, between 0 and 1, of what happens to an answer.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Faults {
+    /// The answer is an error instead.
+    pub fail: f64,
+    /// The answer never comes; its request is in flight until it is cancelled.
+    pub lose: f64,
+    /// The answer comes twice, the second one unasked.
+    pub repeat: f64,
+    /// A byte of the answer is wrong.
+    pub damage: f64,
+    /// The answer is overtaken by later ones.
+    pub reorder: f64,
+    /// An answer is held back for up to this many calls of `poll`.
+    pub delay_polls: u64,
+}
+
+/// Passes answers of the inner source on with the given faults; the same seed and calls give the same faults.
+pub struct FaultySource<S> {
+    inner: S,
+    faults: Faults,
+    random: SplitMix64,
+    polls: u64,
+    open: HashSet<Ticket>,
+    /// Answers and the poll at which each may come.
+    held: Vec<(u64, Answer)>,
+}
+
+impl<S: TileSource> FaultySource<S> {
+    /// A faulty line to `inner`.
+    pub fn new(inner: S, faults: Faults, seed: u64) -> Self {
+        Self {
+            inner,
+            faults,
+            random: SplitMix64(seed),
+            polls: 0,
+            open: HashSet::new(),
+            held: Vec::new(),
+        }
+    }
+
+    /// Changes the faults for answers that are still to come.
+    pub fn set_faults(&mut self, faults: Faults) {
+        self.faults = faults;
+    }
+
+    /// The source behind the faults.
+    pub fn inner_mut(&mut self) -> &mut S {
+        &mut self.inner
+    }
+
+    fn take(&mut self, mut answer: Answer) {
+        // Every answer draws the same number of times, so that one chance does not shift all others.
+        let [fail, lose, repeat, damage, reorder] = std::array::from_fn(|_| self.random.unit());
+        let (place, delay) = (self.random.next(), self.random.next());
+        if lose < self.faults.lose {
+            return;
+        }
+        if fail < self.faults.fail {
+            let what = answer.request.to_string();
+            answer.bytes = Err(Error::Source {
+                what,
+                detail: "failed on purpose".into(),
+            });
+        } else if damage < self.faults.damage {
+            answer.bytes = answer.bytes.map(|bytes| {
+                let mut bytes = Vec::from(bytes);
+                if let Some(at) = place.checked_rem(bytes.len() as u64) {
+                    bytes[at as usize] ^= 1 << (place >> 61);
+                }
+                bytes.into()
+            });
+        }
+        let due = self.polls + delay % (self.faults.delay_polls + 1);
+        if repeat < self.faults.repeat && self.held.len() < 2 * self.capacity() {
+            self.held.push((due, again(&answer)));
+        }
+        let at = if reorder < self.faults.reorder {
+            place as usize % (self.held.len() + 1)
+        } else {
+            self.held.len()
+        };
+        self.held.insert(at, (due, answer));
+    }
+}
+
+/// The same answer once more; errors cannot be cloned, so theirs is worded again.
+fn again(answer: &Answer) -> Answer {
+    let bytes = answer
+        .bytes
+        .as_ref()
+        .map(Clone::clone)
+        .map_err(|error| Error::Source {
+            what: answer.request.to_string(),
+            detail: error.to_string(),
+        });
+    Answer {
+        ticket: answer.ticket,
+        request: answer.request.clone(),
+        bytes,
+        wire_bytes: answer.wire_bytes,
+    }
+}
+
+impl<S: TileSource> TileSource for FaultySource<S> {
+    fn capacity(&self) -> usize {
+        self.inner.capacity()
+    }
+
+    fn in_flight(&self) -> usize {
+        self.open.len()
+    }
+
+    fn submit(&mut self, request: Request) -> Option<Ticket> {
+        if self.open.len() >= self.capacity() {
+            return None;
+        }
+        let ticket = self.inner.submit(request)?;
+        self.open.insert(ticket);
+        Some(ticket)
+    }
+
+    fn cancel(&mut self, ticket: Ticket) {
+        self.inner.cancel(ticket);
+        self.open.remove(&ticket);
+        self.held.retain(|(_, answer)| answer.ticket != ticket);
+    }
+
+    fn poll(&mut self) -> Option<Answer> {
+        self.polls += 1;
+        while let Some(answer) = self.inner.poll() {
+            self.take(answer);
+        }
+        let at = self.held.iter().position(|(due, _)| *due <= self.polls)?;
+        let (_, answer) = self.held.remove(at);
+        self.open.remove(&answer.ticket);
+        Some(answer)
+    }
+
+    /// Waits for the inner source while nothing is held: what is held comes with polls, not with time.
+    fn wait(&mut self, limit: Duration) {
+        if self.held.is_empty() {
+            self.inner.wait(limit);
+        }
+    }
+}
+
+/// Steele, Lea, Flood: Fast Splittable Pseudorandom Number Generators, 2014, figure 17.
+struct SplitMix64(u64);
+
+impl SplitMix64 {
+    fn next(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ (z >> 31)
+    }
+
+    /// Uniform in [0, 1).
+    fn unit(&mut self) -> f64 {
+        (self.next() >> 11) as f64 * (1.0 / (1u64 << 53) as f64)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+
+    use super::{super::conformance::Fixture, *};
+
+    const ALL: Faults = Faults {
+        fail: 0.2,
+        lose: 0.2,
+        repeat: 0.3,
+        damage: 0.2,
+        reorder: 0.5,
+        delay_polls: 4,
+    };
+
+    /// Asks for everything once and polls for long enough; returns tickets and what became of them.
+    fn observe(faults: Faults, seed: u64) -> Vec<(Ticket, String)> {
+        let (fixture, requests) = (Fixture::get(), Fixture::get().requests());
+        let mut source = FaultySource::new(fixture.memory(), faults, seed);
+        let mut seen = Vec::new();
+        for request in &requests {
+            let ticket = source.submit(request.clone()).unwrap();
+            for _ in 0..20 {
+                seen.extend(source.poll().map(|answer| {
+                    assert_eq!(&answer.request, request);
+                    let outcome = match answer.bytes {
+                        Ok(bytes) if bytes == fixture.expected(request) => "right",
+                        Ok(bytes) => {
+                            assert_eq!(bytes.len(), fixture.expected(request).len());
+                            "damaged"
+                        }
+                        Err(_) => "failed",
+                    };
+                    (answer.ticket, outcome.to_owned())
+                }));
+            }
+            source.cancel(ticket);
+            assert_eq!(source.in_flight(), 0);
+        }
+        seen
+    }
+
+    #[test]
+    fn all_faults_happen_and_the_same_ones_every_time() {
+        let seen = observe(ALL, 1);
+        assert_eq!(seen, observe(ALL, 1));
+        assert_ne!(seen, observe(ALL, 2));
+        let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
+        seen.iter()
+            .for_each(|(_, outcome)| *counts.entry(outcome).or_default() += 1);
+        assert_eq!(
+            counts.keys().copied().collect::<Vec<_>>(),
+            ["damaged", "failed", "right"]
+        );
+        let mut tickets: Vec<Ticket> = seen.iter().map(|(ticket, _)| *ticket).collect();
+        tickets.sort_unstable();
+        tickets.dedup();
+        assert!(tickets.len() < Fixture::get().requests().len(), "some are lost");
+        assert!(tickets.len() < seen.len(), "some come twice");
+        assert!(
+            observe(Faults::default(), 1)
+                .iter()
+                .all(|(_, outcome)| outcome == "right")
+        );
+    }
+
+    #[test]
+    fn answers_overtake_each_other() {
+        let requests = Fixture::get().requests();
+        let faults = Faults {
+            reorder: 1.0,
+            ..Faults::default()
+        };
+        let mut source = FaultySource::new(Fixture::get().memory(), faults, 3);
+        let asked: Vec<_> = requests[..16]
+            .iter()
+            .map(|request| source.submit(request.clone()).unwrap())
+            .collect();
+        let mut came: Vec<_> = std::iter::from_fn(|| source.poll())
+            .map(|answer| answer.ticket)
+            .collect();
+        assert_ne!(came, asked);
+        came.sort_unstable();
+        assert_eq!(came, asked);
+    }
+}

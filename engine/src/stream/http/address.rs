@@ -1,0 +1,107 @@
+//! Addresses of records on a tile server.
+
+use hyper::Uri;
+
+use super::super::Request;
+use crate::{Error, Result};
+
+/// Where a tile server is.
+pub(super) struct Address {
+    /// `http://HOST[:PORT][/PREFIX]`, without a slash at the end.
+    base: String,
+}
+
+impl Address {
+    pub(super) fn parse(typed: &str) -> Result<Self> {
+        let refuse = |detail: &str| Error::Source {
+            what: format!("address {typed:?}"),
+            detail: format!("{detail}: give http://HOST:PORT"),
+        };
+        let uri: Uri = typed
+            .trim()
+            .parse()
+            .map_err(|error| refuse(&format!("no URL ({error})")))?;
+        if uri.scheme_str() != Some("http") {
+            return Err(refuse("only http:// is supported"));
+        }
+        let authority = uri.authority().filter(|authority| !authority.host().is_empty());
+        let authority = authority.ok_or_else(|| refuse("no host"))?;
+        if authority.as_str().contains('@') || uri.query().is_some() {
+            return Err(refuse("user names and queries are not supported"));
+        }
+        Ok(Self {
+            base: format!("http://{authority}{}", uri.path().trim_end_matches('/')),
+        })
+    }
+
+    pub(super) fn manifest(&self, archive: &str) -> String {
+        format!("{}/v1/{}", self.base, escape(archive))
+    }
+
+    /// Address of what is asked for, in the archive with this content id.
+    pub(super) fn record(&self, request: &Request, id: &str) -> String {
+        let archive = format!("{}/v1/{}/{id}", self.base, escape(request.archive()));
+        match request {
+            Request::Index { .. } => format!("{archive}/index"),
+            Request::Page { page, .. } => {
+                let tileset::Tile { mip, x, y } = page.tile;
+                format!("{archive}/page/{}/{mip}/{x}/{y}", page.group)
+            }
+            Request::Column { group, .. } => format!("{archive}/column/{group}"),
+        }
+    }
+}
+
+/// A name as one segment of a path: everything but unreserved characters is escaped (RFC 3986, section 2.3).
+/// Names of dots alone would still be walked as a path by proxies, so their dots are escaped as well.
+fn escape(name: &str) -> String {
+    let dots = name.bytes().all(|byte| byte == b'.');
+    let mut escaped = String::with_capacity(name.len());
+    for byte in name.bytes() {
+        match byte {
+            b'A'..=b'Z' | b'a'..=b'z' | b'0'..=b'9' | b'-' | b'_' | b'~' => escaped.push(byte.into()),
+            b'.' if !dots => escaped.push('.'),
+            _ => escaped.push_str(&format!("%{byte:02X}")),
+        }
+    }
+    escaped
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn addresses() {
+        let address = Address::parse("http://host:8080/tiles/").unwrap();
+        assert_eq!(
+            address.manifest("wool 2/é"),
+            "http://host:8080/tiles/v1/wool%202%2F%C3%A9"
+        );
+        assert_eq!(address.manifest(".."), "http://host:8080/tiles/v1/%2E%2E");
+        let tile = tileset::Tile { mip: 2, x: 3, y: 4 };
+        let request = Request::Page {
+            archive: "a".into(),
+            page: tileset::PageId { group: 1, tile },
+        };
+        assert_eq!(
+            address.record(&request, "0f"),
+            "http://host:8080/tiles/v1/a/0f/page/1/2/3/4"
+        );
+    }
+
+    #[test]
+    fn what_is_no_address() {
+        for bad in [
+            "",
+            "http://",
+            "host",
+            "ftp://host",
+            "http://user:secret@host",
+            "http://host/?q",
+            "http://a b",
+        ] {
+            assert!(Address::parse(bad).is_err(), "{bad}");
+        }
+    }
+}

@@ -1,0 +1,200 @@
+//! One request: which content the archive has, and the record under that content's address.
+
+use std::{
+    collections::HashMap,
+    sync::{Arc, Mutex, PoisonError},
+};
+
+use bytes::Bytes;
+use serde::Deserialize;
+use tileset::codec::{MAX_COLUMN_BYTES, MAX_PAGE_BYTES};
+
+use super::{
+    super::{Request, Ticket},
+    HttpOptions,
+    address::Address,
+    client::{Got, HttpClient},
+};
+use crate::{Error, Result};
+
+/// Largest manifest: 2 × 4096 directions and 1024 singular values take about 0.6 MiB as JSON.
+const MAX_MANIFEST_BYTES: u64 = 4 << 20;
+/// Largest header, manifest and directory: a little more than [`tileset::archive::Index::prefix_bytes`] allows.
+const MAX_INDEX_BYTES: u64 = 128 << 20;
+/// Archives that are known by name at the same time.
+const MAX_ARCHIVES: usize = 4096;
+
+/// What the server's manifest says about the archive that requests are for.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+struct Known {
+    /// Content id, 32 hexadecimal digits.
+    id: String,
+    index_bytes: u64,
+    largest_page_bytes: u64,
+    largest_column_bytes: u64,
+}
+
+impl Known {
+    /// Most bytes that an answer may have: what the archive says, within what this program accepts.
+    fn limit(&self, request: &Request) -> u64 {
+        match request {
+            Request::Index { .. } => self.index_bytes.min(MAX_INDEX_BYTES),
+            Request::Page { .. } => self.largest_page_bytes.min(MAX_PAGE_BYTES.into()),
+            Request::Column { .. } => self.largest_column_bytes.min(MAX_COLUMN_BYTES.into()),
+        }
+    }
+}
+
+/// An archive's manifest; the lock is held while it is fetched, so that it is fetched once.
+type Slot = Arc<tokio::sync::Mutex<Option<Known>>>;
+
+/// A server, and what is known of its archives.
+pub(super) struct Fetcher {
+    client: HttpClient,
+    address: Address,
+    archives: Mutex<HashMap<Arc<str>, Slot>>,
+}
+
+impl Fetcher {
+    pub(super) fn new(address: Address, options: HttpOptions) -> Self {
+        Self {
+            client: HttpClient::new(options),
+            address,
+            archives: Mutex::default(),
+        }
+    }
+
+    /// Fetches what is asked for, and adds up the bytes that this takes.
+    pub(super) async fn fetch(
+        &self,
+        request: &Request,
+        ticket: Ticket,
+        wire_bytes: &mut u64,
+    ) -> Result<Bytes> {
+        let mut exchange = Exchange {
+            fetcher: self,
+            request,
+            ticket,
+            wire_bytes,
+        };
+        let slot = self.slot(request)?;
+        match request {
+            Request::Index { .. } => exchange.index(&slot).await,
+            _ => exchange.record(&slot).await,
+        }
+    }
+
+    fn slot(&self, request: &Request) -> Result<Slot> {
+        // Under such names a server has the catalogue, and the archives' files.
+        if request.archive().is_empty() || request.archive().ends_with(".bsvtf") {
+            return Err(Error::NotFound(format!(
+                "{request} (names of archives have no extension)"
+            )));
+        }
+        let mut archives = self.archives.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(slot) = archives.get(request.archive()) {
+            return Ok(Arc::clone(slot));
+        }
+        if archives.len() >= MAX_ARCHIVES {
+            let detail = format!("more than {MAX_ARCHIVES} archives from one server: use fewer materials");
+            return Err(Error::Source {
+                what: request.to_string(),
+                detail,
+            });
+        }
+        Ok(Arc::clone(
+            archives.entry(Arc::clone(request.archive())).or_default(),
+        ))
+    }
+}
+
+/// One request on its way: several exchanges with the server.
+struct Exchange<'a> {
+    fetcher: &'a Fetcher,
+    request: &'a Request,
+    ticket: Ticket,
+    wire_bytes: &'a mut u64,
+}
+
+impl Exchange<'_> {
+    /// The index of the archive that the server has now; from here on records are asked for under its id.
+    async fn index(&mut self, slot: &Slot) -> Result<Bytes> {
+        let mut slot = slot.lock().await;
+        let mut missing = String::new();
+        // Twice, because the archive may be replaced between the two requests.
+        for _ in 0..2 {
+            let known = self.manifest().await?;
+            match self.get(&known).await? {
+                Got::Bytes(bytes) => {
+                    *slot = Some(known);
+                    return Ok(bytes);
+                }
+                Got::Missing(detail) => missing = detail,
+            }
+        }
+        Err(Error::NotFound(format!("{} ({missing})", self.request)))
+    }
+
+    async fn record(&mut self, slot: &Slot) -> Result<Bytes> {
+        let known = {
+            let mut slot = slot.lock().await;
+            match &*slot {
+                Some(known) => known.clone(),
+                None => slot.insert(self.manifest().await?).clone(),
+            }
+        };
+        let detail = match self.get(&known).await? {
+            Got::Bytes(bytes) => return Ok(bytes),
+            Got::Missing(detail) => detail,
+        };
+        let now = self.manifest().await?;
+        if now.id == known.id {
+            return Err(Error::NotFound(format!("{} ({detail})", self.request)));
+        }
+        // The bytes of another archive would not hold against the directory of this one.
+        let detail = format!(
+            "the archive changed on the server from {} to {}: load it again",
+            known.id, now.id
+        );
+        Err(Error::Source {
+            what: self.request.to_string(),
+            detail,
+        })
+    }
+
+    async fn manifest(&mut self) -> Result<Known> {
+        let url = self.fetcher.address.manifest(self.request.archive());
+        let got = self
+            .fetcher
+            .client
+            .get(&url, MAX_MANIFEST_BYTES, self.ticket.0, self.wire_bytes);
+        let json = match got.await? {
+            Got::Bytes(json) => json,
+            Got::Missing(detail) => return Err(Error::NotFound(format!("{url} ({detail})"))),
+        };
+        let refuse = |detail: String| Error::Source {
+            what: url.clone(),
+            detail,
+        };
+        let known: Known = serde_json::from_slice(&json).map_err(|error| {
+            refuse(format!(
+                "no manifest of a tile server ({error}): check the address"
+            ))
+        })?;
+        if known.id.len() != 32 || !known.id.bytes().all(|byte| byte.is_ascii_hexdigit()) {
+            return Err(refuse(format!(
+                "{:?} is no content id of 32 hexadecimal digits",
+                known.id
+            )));
+        }
+        Ok(known)
+    }
+
+    async fn get(&mut self, known: &Known) -> Result<Got> {
+        let url = self.fetcher.address.record(self.request, &known.id);
+        self.fetcher
+            .client
+            .get(&url, known.limit(self.request), self.ticket.0, self.wire_bytes)
+            .await
+    }
+}

@@ -1,0 +1,382 @@
+//! Properties of residency over random traces: scenes, votes, and answers that come late, twice, never, or
+//! that nobody asked for.
+
+mod residency_model;
+
+use engine::residency::{Item, Limits, MaterialId, Placement, Plan, Residency, Vote};
+use proptest::prelude::*;
+use residency_model::{Scene, scene, votes};
+use tileset::{PageId, Tile};
+
+/// One step of a trace.
+#[derive(Clone, Debug)]
+enum Step {
+    Votes(Vec<Vote>),
+    /// The n-th of what is in flight arrives.
+    Arrive(usize),
+    /// The n-th of what is in flight fails.
+    Fail(usize),
+    /// An item arrives whether or not anybody asked for it.
+    Stray(Item),
+    StrayFailure(Item),
+}
+
+fn stray() -> impl Strategy<Value = Item> {
+    (0u16..4, 0u16..5, 0u8..6, 0u16..9, 0u16..9, any::<bool>()).prop_map(
+        |(material, group, mip, x, y, page)| {
+            let page_id = PageId {
+                group,
+                tile: Tile { mip, x, y },
+            };
+            if page {
+                Item::Page(MaterialId(material), page_id)
+            } else {
+                Item::Column(MaterialId(material), group)
+            }
+        },
+    )
+}
+
+fn step() -> impl Strategy<Value = Step> {
+    prop_oneof![
+        2 => votes().prop_map(Step::Votes),
+        6 => any::<usize>().prop_map(Step::Arrive),
+        1 => any::<usize>().prop_map(Step::Fail),
+        1 => stray().prop_map(Step::Stray),
+        1 => stray().prop_map(Step::StrayFailure),
+    ]
+}
+
+fn limits() -> impl Strategy<Value = Limits> {
+    (0u32..40, 0u32..10, 0usize..9).prop_map(|(page_slots, column_slots, in_flight)| Limits {
+        page_slots,
+        column_slots,
+        in_flight,
+    })
+}
+
+/// The engine's side of the contract: what is in flight, and what is in which slot.
+struct Driver {
+    residency: Residency,
+    scene: Scene,
+    limits: Limits,
+    in_flight: Vec<Item>,
+    log: Vec<String>,
+}
+
+impl Driver {
+    fn new(scene: &Scene, limits: Limits) -> Self {
+        let mut residency = Residency::new(limits);
+        for (at, info) in scene.materials.iter().enumerate() {
+            assert_eq!(residency.add_material(info.clone()), MaterialId(at as u16));
+        }
+        Self {
+            residency,
+            scene: scene.clone(),
+            limits,
+            in_flight: Vec::new(),
+            log: Vec::new(),
+        }
+    }
+
+    fn update(&mut self, votes: &[Vote]) -> Plan {
+        self.scene.votes = votes.to_vec();
+        let plan = self.residency.update(votes);
+        for item in &plan.cancel {
+            let at = self
+                .in_flight
+                .iter()
+                .position(|other| other == item)
+                .expect("cancels what is in flight");
+            self.in_flight.remove(at);
+        }
+        for item in &plan.request {
+            assert!(!self.in_flight.contains(item), "asks once");
+            assert_eq!(self.residency.slot(*item), None, "asks for what is not there");
+            assert!(
+                self.scene.is_useful(*item),
+                "{item:?} is asked for, but neither it nor what lies under it has worth"
+            );
+            self.check_reachable(*item);
+            self.in_flight.push(*item);
+        }
+        self.log.push(format!("{plan:?}"));
+        self.check();
+        plan
+    }
+
+    fn check_reachable(&self, item: Item) {
+        let Item::Page(material, page) = item else { return };
+        let pyramid = self.scene.materials[usize::from(material.0)].pyramid;
+        if let Some(parent) = pyramid.parent(page.tile) {
+            let parent = Item::Page(material, PageId { tile: parent, ..page });
+            assert!(
+                self.residency.slot(parent).is_some(),
+                "{item:?} without its parent"
+            );
+            assert!(
+                self.residency.slot(Item::Column(material, page.group)).is_some(),
+                "{item:?} without its column"
+            );
+        }
+    }
+
+    fn arrive(&mut self, item: Item) -> Placement {
+        let before = self.residency.resident();
+        let expected = self.in_flight.iter().position(|other| *other == item);
+        if let Some(at) = expected {
+            self.in_flight.remove(at);
+        }
+        let placement = self.residency.arrived(item);
+        self.log.push(format!("{item:?} {placement:?}"));
+        match placement {
+            Placement::Place { slot, evicted } => {
+                assert!(expected.is_some(), "{item:?} was placed, but nobody asked for it");
+                let there = before
+                    .iter()
+                    .find(|(other, at)| same_cache(*other, item) && *at == slot);
+                assert_eq!(there.map(|(other, _)| *other), evicted);
+                assert_eq!(self.residency.slot(item), Some(slot));
+                if let Some(evicted) = evicted {
+                    assert_eq!(self.residency.slot(evicted), None);
+                }
+                self.check_reachable(item);
+            }
+            Placement::Drop => assert_eq!(before, self.residency.resident()),
+        }
+        self.check();
+        placement
+    }
+
+    fn fail(&mut self, item: Item) {
+        self.in_flight.retain(|other| *other != item);
+        self.residency.failed(item);
+        self.check();
+    }
+
+    fn run(&mut self, step: &Step) {
+        let nth = |n: usize, items: &[Item]| (!items.is_empty()).then(|| items[n % items.len()]);
+        match step {
+            Step::Votes(votes) => {
+                self.update(votes);
+            }
+            Step::Arrive(n) => {
+                nth(*n, &self.in_flight).map(|item| self.arrive(item));
+            }
+            Step::Fail(n) => {
+                if let Some(item) = nth(*n, &self.in_flight) {
+                    self.fail(item);
+                }
+            }
+            Step::Stray(item) => {
+                self.arrive(*item);
+            }
+            Step::StrayFailure(item) => self.fail(*item),
+        }
+    }
+
+    /// Invariants that hold at any time.
+    fn check(&self) {
+        let resident = self.residency.resident();
+        let pages = resident.iter().filter(|(item, _)| matches!(item, Item::Page(..)));
+        let (pages, columns): (Vec<_>, Vec<_>) = (
+            pages.collect(),
+            resident
+                .iter()
+                .filter(|(item, _)| matches!(item, Item::Column(..)))
+                .collect(),
+        );
+        assert!(
+            pages.len() <= self.limits.page_slots as usize
+                && columns.len() <= self.limits.column_slots as usize
+        );
+        assert!(self.in_flight.len() <= self.limits.in_flight);
+        for (items, slots) in [
+            (&pages, self.limits.page_slots),
+            (&columns, self.limits.column_slots),
+        ] {
+            let mut used = vec![false; slots as usize];
+            for (item, slot) in items {
+                assert_eq!(self.residency.slot(*item), Some(*slot));
+                assert!(
+                    !std::mem::replace(&mut used[slot.0 as usize], true),
+                    "one item in a slot"
+                );
+            }
+        }
+        for (item, _) in &pages {
+            let Item::Page(material, page) = *item else {
+                unreachable!()
+            };
+            let pyramid = self.scene.materials[usize::from(material.0)].pyramid;
+            if let Some(tile) = pyramid.parent(page.tile) {
+                let parent = Item::Page(material, PageId { tile, ..page });
+                assert!(
+                    self.residency.slot(parent).is_some(),
+                    "{item:?} is resident without its parent"
+                );
+            }
+        }
+        let summary = self.residency.summary();
+        assert_eq!(summary.in_flight as usize, self.in_flight.len());
+        assert_eq!(
+            (summary.pages_resident as usize, summary.columns_resident as usize),
+            (pages.len(), columns.len())
+        );
+        let expected = self
+            .scene
+            .predicted_mse(|item| self.residency.slot(item).is_some());
+        assert!(
+            (summary.predicted_mse - expected).abs() <= 1e-9 * expected.max(1e-9),
+            "{summary:?} {expected}"
+        );
+    }
+
+    /// Lets everything arrive, in an order that `turn` chooses, until nothing moves. Panics if that takes more updates
+    /// than there are items to move.
+    fn settle(&mut self, mut turn: usize) {
+        let votes = self.scene.votes.clone();
+        let most = 20 + 4 * self.scene.items();
+        for _ in 0..most {
+            let plan = self.update(&votes);
+            if self.in_flight.is_empty() && plan == Plan::default() {
+                return;
+            }
+            while !self.in_flight.is_empty() {
+                turn = turn.wrapping_mul(25_214_903_917).wrapping_add(11);
+                let at = (turn >> 16) % self.in_flight.len();
+                self.arrive(self.in_flight[at]);
+                if turn.is_multiple_of(5) {
+                    break;
+                }
+            }
+        }
+        panic!("not settled after {most} updates");
+    }
+
+    fn mse(&self) -> f64 {
+        self.residency.summary().predicted_mse
+    }
+}
+
+fn same_cache(a: Item, b: Item) -> bool {
+    matches!(a, Item::Page(..)) == matches!(b, Item::Page(..))
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(300))]
+
+    /// Budgets, closure, and the predicted error against a naive model hold after every step; the checks are in the
+    /// driver.
+    #[test]
+    fn invariants_hold_on_any_trace(
+        scene in scene(), limits in limits(), steps in prop::collection::vec(step(), 1..60),
+    ) {
+        let mut driver = Driver::new(&scene, limits);
+        steps.iter().for_each(|step| driver.run(step));
+    }
+
+    #[test]
+    fn the_same_trace_gives_the_same_operations(
+        scene in scene(), limits in limits(), steps in prop::collection::vec(step(), 1..60),
+    ) {
+        let [first, second] = [(), ()].map(|()| {
+            let mut driver = Driver::new(&scene, limits);
+            steps.iter().for_each(|step| driver.run(step));
+            driver.log
+        });
+        prop_assert_eq!(first, second);
+    }
+
+    /// Whatever happened before, static votes settle; then nothing moves, and visible materials have their roots.
+    #[test]
+    fn static_votes_settle(
+        scene in scene(), mut limits in limits(), steps in prop::collection::vec(step(), 0..40),
+        last in votes(), turn: usize,
+    ) {
+        limits.in_flight = limits.in_flight.max(1);
+        let mut driver = Driver::new(&scene, limits);
+        steps.iter().for_each(|step| driver.run(step));
+        driver.update(&last);
+        // Attempts at what failed come to an end too: back-offs are shorter than this.
+        driver.settle(turn);
+        for _ in 0..70 {
+            driver.update(&last);
+            driver.settle(turn);
+        }
+        let before = driver.residency.summary();
+        let resident = driver.residency.resident();
+        prop_assert!(before.settled);
+        for _ in 0..3 {
+            prop_assert_eq!(driver.update(&last), Plan::default());
+        }
+        prop_assert_eq!(driver.residency.summary(), before);
+        prop_assert_eq!(driver.residency.resident(), resident);
+        for root in driver.scene.roots_to_expect(limits.page_slots) {
+            prop_assert!(driver.residency.slot(root).is_some(), "{root:?} is missing");
+        }
+        if driver.scene.fits(limits) {
+            prop_assert_eq!(before.predicted_mse, 0.0);
+        }
+    }
+
+    /// Under static votes a page's swap never raises the predicted error, where w·v falls from mip to mip.
+    #[test]
+    fn swaps_lower_the_error(
+        scene in scene(), limits in limits(), first in votes(), second in votes(), turn: usize,
+    ) {
+        let scene = scene.falling();
+        // Room for all columns: a swap of columns is an investment.
+        let limits = Limits { in_flight: limits.in_flight.max(1), column_slots: 100, ..limits };
+        let mut driver = Driver::new(&scene, limits);
+        for votes in [first, second] {
+            driver.update(&votes);
+            let mut turn = turn;
+            for _ in 0..200 {
+                while !driver.in_flight.is_empty() {
+                    let before = driver.mse();
+                    turn = turn.wrapping_mul(25_214_903_917).wrapping_add(11);
+                    let item = driver.in_flight[(turn >> 16) % driver.in_flight.len()];
+                    let placement = driver.arrive(item);
+                    let pinned = matches!(item, Item::Page(_, page) if page.group == 0
+                        && page.tile == driver.scene.materials[item_material(item)].pyramid.root());
+                    if !pinned && driver.residency_has_column(item) {
+                        prop_assert!(driver.mse() <= before * (1.0 + 1e-12), "{item:?} {placement:?}");
+                    }
+                }
+                driver.update(&votes);
+            }
+        }
+    }
+
+    /// Settled, the predicted error is that of the best closed set of as many pages, up to the margin, and up to the
+    /// one set of pages of equal value that the budget may cut.
+    #[test]
+    fn settled_is_nearly_optimal(scene in scene(), slots in 1u32..30, turn: usize, votes in votes()) {
+        for (scene, whole_blocks) in [(scene.clone(), false), (scene.falling(), true)] {
+            let limits = Limits { page_slots: slots, column_slots: 100, in_flight: 4 };
+            let mut driver = Driver::new(&scene, limits);
+            driver.update(&votes);
+            driver.settle(turn);
+            let best = driver.scene.best_mse(slots as usize);
+            let (margin, block) = driver.scene.slack(best);
+            let most = best + margin + if whole_blocks { 0.0 } else { block };
+            prop_assert!(driver.mse() <= most * (1.0 + 1e-9) + 1e-9, "{} where {best} is possible", driver.mse());
+        }
+    }
+}
+
+fn item_material(item: Item) -> usize {
+    match item {
+        Item::Page(material, _) | Item::Column(material, _) => material.0.into(),
+    }
+}
+
+impl Driver {
+    fn residency_has_column(&self, item: Item) -> bool {
+        match item {
+            Item::Page(material, page) => self.residency.slot(Item::Column(material, page.group)).is_some(),
+            Item::Column(..) => true,
+        }
+    }
+}

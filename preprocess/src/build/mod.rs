@@ -1,0 +1,282 @@
+//! From factors to an archive: pyramids, pages, columns, and the ledger of what each step lost.
+//!
+//! Source: Schwartz, Ruiters, Klein, 2013, section 6: groups of components, mips of eigen-textures, tiles, and
+//! pages coded against their up-sampled parents.
+
+mod finest;
+mod group;
+mod loss;
+
+pub(crate) use finest::Finest;
+
+use std::path::Path;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use rayon::prelude::*;
+use serde::Serialize;
+use tileset::{ArchiveWriter, Codec, Factorization, GROUP_COMPONENTS, Ledger, Manifest};
+
+use crate::output::AtomicFile;
+use crate::progress::{Phase, Progress, ProgressFn};
+use crate::{Btf, Error, Factors, Result};
+use group::{GroupRecords, Material};
+
+/// Quantizer step in root mean squares of the BTF where the user gives none.
+pub const DEFAULT_QUALITY: f64 = 0.02;
+/// Accepted quantizer steps in root mean squares of the BTF.
+const QUALITY_RANGE: std::ops::RangeInclusive<f64> = 1e-6..=10.0;
+/// Eigen-textures of this size or smaller need no scaling: half of the largest half float leaves room for what
+/// quantization adds.
+const LARGEST_UNSCALED: f64 = 32_768.0;
+/// Eigen-textures that are nowhere larger than this are scaled up: halves below 6e-5 lose precision.
+const SMALLEST_UNSCALED: f64 = 1.0 / 256.0;
+/// Bound of the exponent of the scale: what manifests accept.
+const MAX_SCALE_EXPONENT: f64 = 32.0;
+
+/// What the bytes of an archive are.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct ArchiveBytes {
+    /// The whole file.
+    pub archive_bytes: u64,
+    /// All pages.
+    pub page_bytes: u64,
+    /// All eigen-ABRDF columns.
+    pub column_bytes: u64,
+    /// Header, manifest and directory.
+    pub manifest_bytes: u64,
+    /// Pages of all groups and mips.
+    pub pages: u64,
+    /// Pages that equal their up-sampled parents and take no bytes.
+    pub empty_pages: u64,
+}
+
+/// An archive that was written.
+#[derive(Clone, Debug)]
+pub struct Built {
+    /// Its manifest, with the ledger of errors.
+    pub manifest: Manifest,
+    /// Its bytes.
+    pub bytes: ArchiveBytes,
+    /// Seconds of coding, of measuring what was lost, and of writing.
+    pub seconds: [f64; 3],
+}
+
+/// Codes `factors` of `btf` and writes the archive `path`; `quality` is the quantizer step in root mean squares
+/// of the BTF.
+///
+/// # Errors
+/// [`Error::Invalid`] for a quality out of range, [`Error::Archive`] for what an archive cannot hold,
+/// [`Error::Io`]. The file is complete or not there.
+pub fn build(
+    btf: &Btf,
+    factors: &Factors,
+    quality: f64,
+    path: &Path,
+    progress: ProgressFn<'_>,
+) -> Result<Built> {
+    check_quality(quality)?;
+    let mut manifest = manifest(btf, factors, quality);
+    manifest.validate().map_err(Error::archive(path))?;
+    let began = std::time::Instant::now();
+    let groups = encode_groups(factors, &manifest, progress).map_err(Error::archive(path))?;
+    let encoded = began.elapsed().as_secs_f64();
+
+    manifest.errors = ledger(factors, manifest.texture_scale, &groups);
+    let measured = began.elapsed().as_secs_f64();
+
+    let bytes = write(&manifest, groups, path)?;
+    let written = began.elapsed().as_secs_f64();
+    Ok(Built {
+        manifest,
+        bytes,
+        seconds: [encoded, measured - encoded, written - measured],
+    })
+}
+
+/// Checks before the long work what can be checked of the archive to be.
+///
+/// # Errors
+/// As [`build`]; an [`Error::Archive`] names the BTF.
+pub(crate) fn check(btf: &Btf, components: u32, quality: f64) -> Result<()> {
+    check_quality(quality)?;
+    let no_factors = Factors {
+        components: components as usize,
+        ..Factors::default()
+    };
+    let mut manifest = manifest(btf, &no_factors, quality);
+    manifest.singular_values = vec![0.0; components as usize];
+    manifest.validate().map_err(Error::archive(btf.path()))
+}
+
+fn check_quality(quality: f64) -> Result<()> {
+    if QUALITY_RANGE.contains(&quality) {
+        return Ok(());
+    }
+    Err(Error::Invalid {
+        what: "quality (the quantizer step in root mean squares of the BTF)",
+        found: quality.to_string(),
+        expected: "from 1e-6 to 10",
+    })
+}
+
+/// The manifest, but for the ledger.
+fn manifest(btf: &Btf, factors: &Factors, quality: f64) -> Manifest {
+    let largest = factors
+        .v
+        .iter()
+        .fold(0f32, |largest, value| largest.max(value.abs()))
+        .into();
+    let texture_scale = texture_scale(largest);
+    let btf_rms = factors.btf_rms();
+    let scale = (factors.rows as f64 * factors.columns as f64).sqrt();
+    Manifest {
+        name: btf.name().to_owned(),
+        generator: concat!("eigentile ", env!("CARGO_PKG_VERSION")).to_owned(),
+        width: btf.width(),
+        height: btf.height(),
+        wrap: btf.wrap(),
+        cosine: btf.cosine(),
+        views: btf.views().to_vec(),
+        lights: btf.lights().to_vec(),
+        components: factors.components as u32,
+        factorization: Factorization::Fmf,
+        codec: Codec::DctDeltaZstd {
+            step: quantizer_step(quality * btf_rms / texture_scale, largest / texture_scale),
+        },
+        texture_scale,
+        mean_rgb: factors.mean_rgb,
+        singular_values: factors
+            .singular_values
+            .iter()
+            .map(|value| value / scale)
+            .collect(),
+        errors: Ledger {
+            btf_rms,
+            rank_rms: factors.rank_rms(),
+            ..Ledger::default()
+        },
+    }
+}
+
+/// The power of two that brings eigen-textures whose largest value is `largest` into the range of half floats;
+/// 1 wherever they are there already.
+fn texture_scale(largest: f64) -> f64 {
+    if largest == 0.0 || (SMALLEST_UNSCALED..=LARGEST_UNSCALED).contains(&largest) {
+        return 1.0;
+    }
+    let target = if largest > LARGEST_UNSCALED {
+        LARGEST_UNSCALED
+    } else {
+        1.0
+    };
+    (largest / target)
+        .log2()
+        .ceil()
+        .clamp(-MAX_SCALE_EXPONENT, MAX_SCALE_EXPONENT)
+        .exp2()
+}
+
+/// The step in units of the scaled textures, no finer than the codec can count and half floats can tell:
+/// a coefficient of an 8×8 DCT of differences is at most 16 times the largest value, and 2²² steps are accepted.
+fn quantizer_step(wanted: f64, largest: f64) -> f64 {
+    wanted.max(largest * 16.0 / f64::from(1 << 22)).clamp(1e-6, 1e6)
+}
+
+fn encode_groups(
+    factors: &Factors,
+    manifest: &Manifest,
+    progress: ProgressFn<'_>,
+) -> tileset::Result<Vec<GroupRecords>> {
+    let material = Material {
+        factors,
+        manifest,
+        pyramid: manifest.pyramid()?,
+    };
+    let (total, done) = (u64::from(manifest.groups()), AtomicU64::new(0));
+    progress(Progress {
+        phase: Phase::Encoding,
+        done: 0,
+        total,
+    });
+    (0..manifest.groups() as u16)
+        .into_par_iter()
+        .map(|group| {
+            let records = group::encode(&material, group)?;
+            let done = done.fetch_add(1, Ordering::Relaxed) + 1;
+            progress(Progress {
+                phase: Phase::Encoding,
+                done,
+                total,
+            });
+            Ok(records)
+        })
+        .collect()
+}
+
+/// What each step lost, measured on the factors: the squares add up to the loss of all of them.
+fn ledger(factors: &Factors, texture_scale: f64, groups: &[GroupRecords]) -> Ledger {
+    let scale = texture_scale as f32;
+    let rounded = |value: f32| half::f16::from_f32(value / scale).to_f32() * scale;
+    let half_loss = loss::mean_square(factors, |component, texel| {
+        rounded(factors.v[component * factors.columns + texel])
+    });
+    let all_loss = loss::mean_square(factors, |component, texel| {
+        let group = &groups[component / GROUP_COMPONENTS];
+        group.finest.texels[texel][component % GROUP_COMPONENTS].to_f32() * scale
+    });
+    Ledger {
+        btf_rms: factors.btf_rms(),
+        rank_rms: factors.rank_rms(),
+        half_rms: half_loss.sqrt(),
+        codec_rms: (all_loss - half_loss).max(0.0).sqrt(),
+    }
+}
+
+/// Writes the archive under a temporary name and renames it.
+fn write(manifest: &Manifest, groups: Vec<GroupRecords>, path: &Path) -> Result<ArchiveBytes> {
+    let mut bytes = ArchiveBytes::default();
+    let mut writer = ArchiveWriter::new(manifest.clone()).map_err(Error::archive(path))?;
+    for (group, records) in groups.into_iter().enumerate() {
+        bytes.column_bytes += records.column.len() as u64;
+        writer
+            .add_column(group as u16, records.column, records.column_weight)
+            .map_err(Error::archive(path))?;
+        for (page, record, weight) in records.pages {
+            bytes.pages += 1;
+            bytes.empty_pages += u64::from(record.is_empty());
+            bytes.page_bytes += record.len() as u64;
+            writer
+                .add_page(page, record, weight)
+                .map_err(Error::archive(path))?;
+        }
+    }
+    let mut file = AtomicFile::create(path)?;
+    bytes.archive_bytes = writer.write(file.writer()).map_err(Error::archive(path))?;
+    bytes.manifest_bytes = bytes.archive_bytes - bytes.page_bytes - bytes.column_bytes;
+    file.commit()?;
+    Ok(bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn scales_are_powers_of_two_that_fit() {
+        for (largest, expected) in [
+            (0.0, 1.0),
+            (1.0, 1.0),
+            (32_768.0, 1.0),
+            (32_769.0, 2.0),
+            (1e6, 32.0),
+        ] {
+            assert_eq!(texture_scale(largest), expected, "{largest}");
+        }
+        for largest in [1e-30, 1e-6, 1e-3, 5e5, 1e12] {
+            let scale = texture_scale(largest);
+            assert_eq!(scale.log2().fract(), 0.0);
+            assert!(largest / scale <= LARGEST_UNSCALED);
+            assert!(largest < 1e-9 || largest / scale > 0.5, "{largest}");
+        }
+    }
+}

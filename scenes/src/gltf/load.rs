@@ -1,0 +1,226 @@
+//! From a file to a scene: the walk over the nodes.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use glam::{Affine3A, Mat3A, Mat4, Quat, Vec3};
+use gltf::json::scene::Node;
+use gltf::json::{Index, Root};
+
+use super::accessor::Reader;
+use super::container::Container;
+use super::{Detail, MAX_INSTANCES, geometry, look};
+use crate::{Error, Instance, Mesh, Result, Scene};
+
+/// Loads the default scene of a file, or its first.
+///
+/// # Errors
+/// [`Error::Io`], or [`Error::Invalid`] that says what is wrong, where, and what to do: damaged files, indices
+/// and offsets out of range, values that are not finite, buffers outside the scene's folder, extensions and
+/// kinds of primitives and lights that are not drawn, more than the limits of this module.
+pub fn load(path: &Path) -> Result<Scene> {
+    let container = Container::read(path)?;
+    build(&container).map_err(|detail| Error::Invalid {
+        path: path.into(),
+        detail,
+    })
+}
+
+fn build(container: &Container) -> Detail<Scene> {
+    let root = &container.root;
+    let (at, chosen) = match root.scene {
+        Some(index) => (index.value(), root.get(index)),
+        None => (0, root.scenes.first()),
+    };
+    let chosen = chosen.ok_or_else(|| format!("there is no scenes[{at}]: export the file with a scene"))?;
+    let mut builder = Builder {
+        root,
+        reader: Reader {
+            root,
+            buffers: &container.buffers,
+            elements: 0,
+        },
+        scene: Scene {
+            materials: look::materials(root)?,
+            ..Scene::default()
+        },
+        primitives: BTreeMap::new(),
+        mirrors: BTreeMap::new(),
+        cameras: Vec::new(),
+    };
+    look::environment(chosen, &mut builder.scene)?;
+    builder.walk(&chosen.nodes)?;
+    let Builder {
+        mut scene, cameras, ..
+    } = builder;
+    let bounds = scene.bounds();
+    scene.cameras = cameras
+        .iter()
+        .map(|(node, perspective, world)| {
+            look::camera(perspective, *world, bounds).map_err(|detail| format!("nodes[{node}]: {detail}"))
+        })
+        .collect::<Detail<_>>()?;
+    Ok(scene)
+}
+
+struct Builder<'a> {
+    root: &'a Root,
+    reader: Reader<'a>,
+    scene: Scene,
+    /// Meshes by glTF mesh: one for each primitive.
+    primitives: BTreeMap<usize, Vec<usize>>,
+    /// Mirror images of meshes.
+    mirrors: BTreeMap<usize, usize>,
+    /// Cameras wait for the scene's bounds, which tell how far away their target is.
+    cameras: Vec<(usize, &'a gltf::json::camera::Perspective, Affine3A)>,
+}
+
+impl<'a> Builder<'a> {
+    /// Visits the nodes below `roots`, with an own stack: files may nest deeper than the machine's.
+    fn walk(&mut self, roots: &[Index<Node>]) -> Detail<()> {
+        let mut seen = vec![false; self.root.nodes.len()];
+        let mut open: Vec<_> = roots
+            .iter()
+            .rev()
+            .map(|node| (*node, Affine3A::IDENTITY))
+            .collect();
+        while let Some((index, world_from_parent)) = open.pop() {
+            let at = index.value();
+            let node = self
+                .root
+                .get(index)
+                .ok_or_else(|| format!("there is no nodes[{at}]"))?;
+            if std::mem::replace(&mut seen[at], true) {
+                return Err(format!(
+                    "nodes[{at}] has two parents or is its own ancestor: nodes must form trees"
+                ));
+            }
+            let named = |detail| format!("nodes[{at}]: {detail}");
+            let world_from_node = world_from_parent * transform(node).map_err(named)?;
+            if !world_from_node.is_finite() {
+                return Err(named("its transform is not finite".into()));
+            }
+            self.visit(at, node, world_from_node).map_err(named)?;
+            open.extend(
+                node.children
+                    .iter()
+                    .flatten()
+                    .rev()
+                    .map(|child| (*child, world_from_node)),
+            );
+        }
+        Ok(())
+    }
+
+    fn visit(&mut self, at: usize, node: &'a Node, world_from_node: Affine3A) -> Detail<()> {
+        if let Some(mesh) = node.mesh {
+            self.place(mesh, world_from_node)?;
+        }
+        if let Some(extension) = node
+            .extensions
+            .as_ref()
+            .and_then(|all| all.khr_lights_punctual.as_ref())
+        {
+            let light = self.root.get(extension.light);
+            let light = light.ok_or_else(|| format!("there is no light {}", extension.light.value()))?;
+            self.scene.lights.push(look::light(light, world_from_node)?);
+        }
+        if let Some(index) = node.camera {
+            let camera = self
+                .root
+                .get(index)
+                .ok_or_else(|| format!("there is no cameras[{}]", index.value()))?;
+            if let Some(perspective) = &camera.perspective {
+                self.cameras.push((at, perspective, world_from_node));
+            }
+        }
+        Ok(())
+    }
+
+    fn place(&mut self, index: Index<gltf::json::Mesh>, world_from_node: Affine3A) -> Detail<()> {
+        let determinant = world_from_node.matrix3.determinant();
+        if determinant == 0.0 || !determinant.is_finite() {
+            return Err(
+                "its scale is zero along some axis: remove the node, or give it some thickness".into(),
+            );
+        }
+        for mesh in self.meshes(index)? {
+            if self.scene.instances.len() >= MAX_INSTANCES {
+                return Err(format!("the scene places more than {MAX_INSTANCES} primitives"));
+            }
+            let instance = if determinant > 0.0 {
+                Instance {
+                    mesh,
+                    world_from_mesh: world_from_node,
+                }
+            } else {
+                let mirror = Affine3A::from_scale(Vec3::new(-1.0, 1.0, 1.0));
+                Instance {
+                    mesh: self.mirror(mesh),
+                    world_from_mesh: world_from_node * mirror,
+                }
+            };
+            self.scene.instances.push(instance);
+        }
+        Ok(())
+    }
+
+    fn meshes(&mut self, index: Index<gltf::json::Mesh>) -> Detail<Vec<usize>> {
+        let at = index.value();
+        if let Some(meshes) = self.primitives.get(&at) {
+            return Ok(meshes.clone());
+        }
+        let mesh = self
+            .root
+            .get(index)
+            .ok_or_else(|| format!("there is no meshes[{at}]"))?;
+        let mut meshes = Vec::new();
+        for (which, primitive) in mesh.primitives.iter().enumerate() {
+            let named = |detail| format!("meshes[{at}].primitives[{which}]: {detail}");
+            let material = match primitive.material {
+                Some(material) if material.value() >= self.root.materials.len() => {
+                    return Err(named(format!("there is no materials[{}]", material.value())));
+                }
+                Some(material) => material.value(),
+                None => look::default_material(self.root.materials.len(), &mut self.scene.materials),
+            };
+            let mesh = geometry::mesh(&mut self.reader, primitive, material).map_err(named)?;
+            if !mesh.indices.is_empty() {
+                self.scene.meshes.push(mesh);
+                meshes.push(self.scene.meshes.len() - 1);
+            }
+        }
+        self.primitives.insert(at, meshes.clone());
+        Ok(meshes)
+    }
+
+    fn mirror(&mut self, mesh: usize) -> usize {
+        let meshes: &mut Vec<Mesh> = &mut self.scene.meshes;
+        *self.mirrors.entry(mesh).or_insert_with(|| {
+            meshes.push(meshes[mesh].mirrored());
+            meshes.len() - 1
+        })
+    }
+}
+
+/// A node's own transform: a matrix, or translation · rotation · scale.
+fn transform(node: &Node) -> Detail<Affine3A> {
+    if let Some(matrix) = node.matrix {
+        let matrix = Mat4::from_cols_array(&matrix);
+        if matrix.row(3) != glam::Vec4::W {
+            return Err("the last row of its matrix is not 0 0 0 1".into());
+        }
+        return Ok(Affine3A::from_mat4(matrix));
+    }
+    let rotation = Quat::from_array(node.rotation.unwrap_or_default().0);
+    let length = rotation.length();
+    if !(length.is_finite() && length > 1e-6) {
+        return Err("its rotation is no quaternion: all zero, or not finite".into());
+    }
+    let scale = Vec3::from(node.scale.unwrap_or([1.0; 3]));
+    let matrix = Mat3A::from_quat(rotation / length) * Mat3A::from_diagonal(scale);
+    Ok(Affine3A {
+        matrix3: matrix,
+        translation: node.translation.unwrap_or_default().into(),
+    })
+}

@@ -1,0 +1,26 @@
+//! Scenes to draw and materials to draw them with.
+//!
+//! - [`scene`]: what a picture is made of: meshes, instances, materials, lights.
+//! - [`gltf`]: scenes from glTF 2.0 files, and scenes written as such.
+//! - [`camera`] and [`camera_path`]: cameras and recorded camera paths.
+//! - [`tangents`]: normals and tangents for meshes that lack them.
+//! - [`showcase`]: the scene of the demo, built in code and written as glTF.
+//! - [`synth`] (feature `synth`): procedural materials with real meso-geometry, ray traced to BTFs.
+//!
+//! Nothing here draws: the engine does.
+
+pub mod camera;
+pub mod camera_path;
+mod error;
+mod file;
+pub mod gltf;
+pub mod scene;
+pub mod showcase;
+#[cfg(feature = "synth")]
+pub mod synth;
+pub mod tangents;
+
+pub use camera::Camera;
+pub use camera_path::CameraPath;
+pub use error::{Error, Result};
+pub use scene::{Instance, Light, Material, Mesh, Scene, Surface};

@@ -1,0 +1,36 @@
+//! Procedural materials with real meso-geometry, ray traced to BTFs.
+//!
+//! A material is a solid that repeats in x and y, and what its surface is made of at each point. For each
+//! view, rays go from above through every texel of the reference plane; where they hit, all lights are
+//! evaluated at once. What is expensive does not depend on the view: visibility of the lights, the surface's
+//! own properties and the bounce are computed once for each small cell of the surface and shared by all views
+//! and texels that see it.
+//!
+//! - [`sampling`]: the view and light directions of well-known measurements.
+//! - [`synthesize()`]: from a material's name to samples, one view at a time.
+//! - `volume`, `march`: the solid as a periodic grid of signed distances, and rays through it.
+//! - `surface`, `bounce`: the cells of the surface, their visible lights, and light by way of other cells.
+//! - `reflectance`: the diffuse and glossy reflectance, for all lights at once.
+//! - `materials`: the materials; `noise`, `random`, `strands`: what they are made from.
+//!
+//! Deliberately left out: translucency, more than one bounce, and lights of finite size.
+//!
+//! The reference plane z = 0 is the mean height of the surface seen from straight above.
+
+mod bounce;
+mod march;
+mod materials;
+mod noise;
+mod random;
+mod reflectance;
+pub mod sampling;
+mod strands;
+mod surface;
+mod synthesize;
+mod volume;
+
+pub use materials::{MaterialDescription, materials};
+pub use sampling::Sampling;
+pub use synthesize::{
+    MAX_BLOCK_BYTES, MAX_SAMPLES_PER_TEXEL, MAX_SIZE, SynthOptions, SynthReport, synthesize,
+};

@@ -1,0 +1,29 @@
+// What is the same for every pixel of a frame: camera, picture, caches.
+
+struct Frame {
+    // Clip space from positions relative to the eye.
+    clip_from_eye: mat4x4<f32>,
+    // World space. All geometry is moved so that the eye is the origin before anything is computed from it.
+    eye: vec3<f32>,
+    light_count: u32,
+    // Direction through the centre of pixel (x, y): ray_origin + x * ray_dx + y * ray_dy, not normalized.
+    ray_origin: vec3<f32>,
+    exposure: f32,
+    ray_dx: vec3<f32>,
+    // A feedback cell is stride by stride pixels, of which one votes.
+    feedback_stride: u32,
+    ray_dy: vec3<f32>,
+    feedback_phase: u32,
+    ambient: vec3<f32>,
+    // The column cache is column_mask + 1 = 2^column_shift texels wide.
+    column_shift: u32,
+    background: vec3<f32>,
+    column_mask: u32,
+    size: vec2<u32>,
+    // One over the texels of a layer of the page cache.
+    page_scale: vec2<f32>,
+}
+
+const NONE: u32 = 0xffffffffu;
+
+@group(0) @binding(0) var<uniform> frame: Frame;

@@ -1,0 +1,10 @@
+//! Tests that cross crates: from a BTF through archive, server and source to a picture.
+//!
+//! The tests are in `tests/`; here is what they share: a small material, a scene that shows it, and a server.
+//! The program itself is tested beside it, in `cli/tests`.
+
+mod fixture;
+mod server;
+
+pub use fixture::{Fixture, SIZE, scene};
+pub use server::Server;

@@ -1,0 +1,167 @@
+//! The JSON documents: catalogue and manifest. Addresses in them are relative to `/v1/`, so that a proxy may put
+//! the service under any prefix.
+
+use bytes::Bytes;
+use serde::Serialize;
+use tileset::{Manifest, Record, archive::Index};
+use xxhash_rust::xxh3::xxh3_128;
+
+use crate::collection::{Entry, Listing, Served};
+
+#[derive(Serialize)]
+struct Catalogue<'a> {
+    archives: Vec<CatalogueEntry<'a>>,
+}
+
+#[derive(Serialize)]
+#[serde(untagged)]
+enum CatalogueEntry<'a> {
+    Ready(Summary<'a>),
+    Broken { name: &'a str, error: &'a str },
+}
+
+#[derive(Serialize)]
+struct Summary<'a> {
+    name: &'a str,
+    id: String,
+    bytes: u64,
+    width: u32,
+    height: u32,
+    views: usize,
+    lights: usize,
+    components: u32,
+    urls: Urls,
+}
+
+#[derive(Serialize)]
+struct Document<'a> {
+    name: &'a str,
+    id: String,
+    bytes: u64,
+    index_bytes: u64,
+    page_bytes: u64,
+    column_bytes: u64,
+    largest_page_bytes: u32,
+    largest_column_bytes: u32,
+    groups: u32,
+    pages: usize,
+    mips: Vec<Mip>,
+    urls: Urls,
+    manifest: &'a Manifest,
+}
+
+/// A mip with pages of its own; the last one is the packed tail.
+#[derive(Serialize)]
+struct Mip {
+    mip: u8,
+    width: u32,
+    height: u32,
+    columns: u32,
+    rows: u32,
+}
+
+/// Addresses, or templates of addresses, relative to `/v1/`.
+#[derive(Serialize)]
+struct Urls {
+    manifest: String,
+    index: String,
+    page: String,
+    column: String,
+    archive: String,
+}
+
+impl Urls {
+    fn new(name: &str, id: &str) -> Self {
+        let name = escape(name);
+        Self {
+            manifest: name.clone(),
+            index: format!("{name}/{id}/index"),
+            page: format!("{name}/{id}/page/{{group}}/{{mip}}/{{x}}/{{y}}"),
+            column: format!("{name}/{id}/column/{{group}}"),
+            archive: format!("{name}.bsvtf"),
+        }
+    }
+}
+
+/// All but unreserved characters escaped (RFC 3986, section 2.3).
+fn escape(name: &str) -> String {
+    let mut escaped = String::with_capacity(name.len());
+    for byte in name.bytes() {
+        match byte {
+            b'A'..=b'Z' | b'a'..=b'z' | b'0'..=b'9' | b'-' | b'.' | b'_' | b'~' => escaped.push(byte.into()),
+            _ => escaped.push_str(&format!("%{byte:02X}")),
+        }
+    }
+    escaped
+}
+
+fn summary(served: &Served) -> Summary<'_> {
+    let Index {
+        manifest, file_bytes, ..
+    } = served.index();
+    let id = served.id();
+    Summary {
+        name: &served.name,
+        bytes: *file_bytes,
+        width: manifest.width,
+        height: manifest.height,
+        views: manifest.views.len(),
+        lights: manifest.lights.len(),
+        components: manifest.components,
+        urls: Urls::new(&served.name, &id),
+        id,
+    }
+}
+
+/// The catalogue of a folder.
+pub(crate) fn catalogue(listing: &Listing) -> Bytes {
+    let archives = listing.iter().map(|(name, entry)| match entry {
+        Entry::Ready(served) => CatalogueEntry::Ready(summary(served)),
+        Entry::Broken { error, .. } => CatalogueEntry::Broken { name, error },
+    });
+    json(&Catalogue {
+        archives: archives.collect(),
+    })
+}
+
+/// The manifest document of an archive.
+pub(crate) fn manifest(name: &str, index: &Index, index_bytes: u64) -> Bytes {
+    let id = format!("{:032x}", index.id);
+    let total = |records: &[Record]| records.iter().map(|record| u64::from(record.length)).sum();
+    let largest = |records: &[Record]| records.iter().map(|record| record.length).max().unwrap_or(0);
+    let mip = |mip| {
+        let ((width, height), (columns, rows)) = (index.pyramid.mip_size(mip), index.pyramid.grid(mip));
+        Mip {
+            mip,
+            width,
+            height,
+            columns,
+            rows,
+        }
+    };
+    json(&Document {
+        name,
+        bytes: index.file_bytes,
+        index_bytes,
+        page_bytes: total(index.pages()),
+        column_bytes: total(index.columns()),
+        largest_page_bytes: largest(index.pages()),
+        largest_column_bytes: largest(index.columns()),
+        groups: index.manifest.groups(),
+        pages: index.pages().len(),
+        mips: (0..=index.pyramid.tail_mip()).map(mip).collect(),
+        urls: Urls::new(name, &id),
+        id,
+        manifest: &index.manifest,
+    })
+}
+
+fn json(document: &impl Serialize) -> Bytes {
+    // Only maps with keys that are no strings, and readers that fail, can fail here: there are none.
+    serde_json::to_vec(document).unwrap_or_default().into()
+}
+
+/// A strong ETag made of the content.
+pub(crate) fn etag_of(content: &[u8]) -> String {
+    format!("\"{:032x}\"", xxh3_128(content))
+}

@@ -1,0 +1,105 @@
+//! What a client is told when it gets no record: JSON of `error`, a short code, and `detail`, a sentence.
+
+use axum::{
+    http::{HeaderName, HeaderValue, StatusCode, header},
+    response::{IntoResponse, Response},
+};
+
+/// An answer that is an error.
+#[derive(Debug)]
+pub(crate) struct Failure {
+    status: StatusCode,
+    error: &'static str,
+    detail: String,
+    header: Option<(HeaderName, HeaderValue)>,
+}
+
+impl Failure {
+    fn new(status: StatusCode, error: &'static str, detail: impl Into<String>) -> Self {
+        Self {
+            status,
+            error,
+            detail: detail.into(),
+            header: None,
+        }
+    }
+
+    pub(crate) fn bad_request(detail: impl Into<String>) -> Self {
+        Self::new(StatusCode::BAD_REQUEST, "bad-request", detail)
+    }
+
+    pub(crate) fn not_found(detail: impl Into<String>) -> Self {
+        Self::new(StatusCode::NOT_FOUND, "not-found", detail)
+    }
+
+    pub(crate) fn no_archive(name: &str) -> Self {
+        Self::not_found(format!("no archive {name:?} here: GET /v1/ lists what there is"))
+    }
+
+    /// The archive is there with another content.
+    pub(crate) fn gone(name: &str, id: &str) -> Self {
+        let detail = format!("archive {name:?} is now {id}: GET its manifest again");
+        Self::new(StatusCode::GONE, "gone", detail)
+    }
+
+    pub(crate) fn method_not_allowed() -> Self {
+        let detail = "only GET, HEAD and OPTIONS are answered";
+        let allow = (header::ALLOW, HeaderValue::from_static("GET, HEAD, OPTIONS"));
+        Self {
+            header: Some(allow),
+            ..Self::new(StatusCode::METHOD_NOT_ALLOWED, "method-not-allowed", detail)
+        }
+    }
+
+    pub(crate) fn body_not_allowed() -> Self {
+        let close = (header::CONNECTION, HeaderValue::from_static("close"));
+        let detail = "requests have no body here";
+        Self {
+            header: Some(close),
+            ..Self::new(StatusCode::PAYLOAD_TOO_LARGE, "body-not-allowed", detail)
+        }
+    }
+
+    pub(crate) fn range_not_satisfiable(detail: &str, length: u64) -> Self {
+        let detail = format!("{detail}; the archive has {length} bytes");
+        let mut failure = Self::new(StatusCode::RANGE_NOT_SATISFIABLE, "range-not-satisfiable", detail);
+        failure.header = HeaderValue::try_from(format!("bytes */{length}"))
+            .ok()
+            .map(|v| (header::CONTENT_RANGE, v));
+        failure
+    }
+
+    pub(crate) fn busy() -> Self {
+        let later = (header::RETRY_AFTER, HeaderValue::from_static("1"));
+        let detail = "the server has too much to do: ask again later";
+        Self {
+            header: Some(later),
+            ..Self::new(StatusCode::SERVICE_UNAVAILABLE, "busy", detail)
+        }
+    }
+
+    pub(crate) fn internal(detail: impl Into<String>) -> Self {
+        Self::new(StatusCode::INTERNAL_SERVER_ERROR, "internal", detail)
+    }
+
+    /// The archive does not hold; the details are for the log, which has them.
+    pub(crate) fn corrupt(detail: impl Into<String>) -> Self {
+        Self::new(StatusCode::INTERNAL_SERVER_ERROR, "corrupt", detail)
+    }
+}
+
+impl IntoResponse for Failure {
+    fn into_response(self) -> Response {
+        let json = serde_json::json!({ "error": self.error, "detail": self.detail }).to_string();
+        // An error may be over in a moment: no cache keeps it.
+        let headers = [
+            (header::CONTENT_TYPE, "application/json"),
+            (header::CACHE_CONTROL, "no-store"),
+        ];
+        let mut response = (self.status, headers, json).into_response();
+        if let Some((name, value)) = self.header {
+            response.headers_mut().insert(name, value);
+        }
+        response
+    }
+}

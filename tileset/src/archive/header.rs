@@ -1,0 +1,117 @@
+//! The first 64 bytes.
+
+use xxhash_rust::xxh3::xxh3_64;
+
+use super::directory::MAX_DIRECTORY_BYTES;
+use crate::{Error, Result, error::corrupt};
+
+/// Length of the fixed header.
+pub const HEADER_BYTES: usize = 64;
+
+/// First bytes of every archive. The first is no text, and the last two are changed by whatever converts line ends.
+pub(super) const MAGIC: [u8; 8] = *b"\x89BSVTF\r\n";
+/// The version that is written, and the newest that is read.
+pub(super) const VERSION: u32 = 1;
+/// Largest accepted manifest: twice what the largest valid one can need.
+pub(super) const MAX_MANIFEST_BYTES: u64 = 1 << 20;
+
+/// The header's members; all integers are little-endian.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Header {
+    /// Bytes of the whole archive.
+    pub file_bytes: u64,
+    /// Bytes of the manifest, which follows the header.
+    pub manifest_bytes: u64,
+    /// Bytes of the directory, which follows the manifest.
+    pub directory_bytes: u64,
+    /// XXH3-64 of the manifest's bytes.
+    pub manifest_hash: u64,
+    /// XXH3-64 of the directory's bytes.
+    pub directory_hash: u64,
+}
+
+impl Header {
+    pub(super) fn parse(bytes: &[u8]) -> Result<Self> {
+        let failed = |offset, detail: String| Err(corrupt("header", offset, detail));
+        let known = bytes.len().min(MAGIC.len());
+        if bytes[..known] != MAGIC[..known] {
+            return failed(0, "the first bytes are not those of an archive".into());
+        }
+        let Some(bytes) = bytes.first_chunk::<HEADER_BYTES>() else {
+            return failed(
+                bytes.len() as u64,
+                format!("it ends here, {HEADER_BYTES} bytes are needed"),
+            );
+        };
+        let u32_at = |at: usize| u32::from_le_bytes(std::array::from_fn(|i| bytes[at + i]));
+        let u64_at = |at: usize| u64::from_le_bytes(std::array::from_fn(|i| bytes[at + i]));
+        // The version comes first: a newer one may mean anything by the rest, except by its checksum.
+        let (version, hash) = (u32_at(8), u64_at(56));
+        if hash != xxh3_64(&bytes[..56]) {
+            return failed(56, "its checksum does not match".into());
+        }
+        if version > VERSION {
+            return Err(Error::UnsupportedVersion {
+                found: version,
+                supported: VERSION,
+            });
+        }
+        if version == 0 || u32_at(12) != 0 {
+            return failed(
+                8,
+                format!("version {version} with flags {:#x} does not exist", u32_at(12)),
+            );
+        }
+        let header = Header {
+            file_bytes: u64_at(16),
+            manifest_bytes: u64_at(24),
+            directory_bytes: u64_at(32),
+            manifest_hash: u64_at(40),
+            directory_hash: u64_at(48),
+        };
+        for (what, found, limit) in [
+            ("bytes of the manifest", header.manifest_bytes, MAX_MANIFEST_BYTES),
+            (
+                "bytes of the directory",
+                header.directory_bytes,
+                MAX_DIRECTORY_BYTES,
+            ),
+        ] {
+            if found > limit {
+                return Err(Error::OverLimit { what, found, limit });
+            }
+        }
+        if header.file_bytes < header.prefix_bytes() {
+            let detail = format!(
+                "a file of {} bytes cannot hold {}",
+                header.file_bytes,
+                header.prefix_bytes()
+            );
+            return failed(16, detail);
+        }
+        Ok(header)
+    }
+
+    pub(super) fn to_bytes(self) -> [u8; HEADER_BYTES] {
+        let mut bytes = [0; HEADER_BYTES];
+        bytes[..8].copy_from_slice(&MAGIC);
+        bytes[8..12].copy_from_slice(&VERSION.to_le_bytes());
+        for (at, value) in [
+            (16, self.file_bytes),
+            (24, self.manifest_bytes),
+            (32, self.directory_bytes),
+            (40, self.manifest_hash),
+            (48, self.directory_hash),
+        ] {
+            bytes[at..at + 8].copy_from_slice(&value.to_le_bytes());
+        }
+        let hash = xxh3_64(&bytes[..56]);
+        bytes[56..].copy_from_slice(&hash.to_le_bytes());
+        bytes
+    }
+
+    /// Bytes of header, manifest and directory.
+    pub(super) fn prefix_bytes(&self) -> u64 {
+        HEADER_BYTES as u64 + self.manifest_bytes + self.directory_bytes
+    }
+}

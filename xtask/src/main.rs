@@ -1,0 +1,74 @@
+//! Set-up, demo and tests of the whole workspace: `cargo xtask setup|demo|test`.
+
+mod setup;
+mod steps;
+
+use std::process::ExitCode;
+
+use anyhow::{Result, bail};
+use steps::{Steps, cargo};
+
+const HELP: &str = "\
+Usage: cargo xtask COMMAND
+
+  setup        make sure that a Vulkan adapter can be found: installs Mesa's software one on Debian as root,
+               says what to install elsewhere
+  demo [ARGS]  set up, build, and run `eigentile demo ARGS`
+  test         set up; formatting, clippy, all tests, documentation; warnings are errors
+
+Examples:
+  cargo xtask demo -o /tmp/demo
+  cargo xtask test";
+
+fn main() -> ExitCode {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    match run(&arguments) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run(arguments: &[String]) -> Result<()> {
+    let mut steps = Steps::default();
+    match arguments
+        .split_first()
+        .map(|(command, rest)| (command.as_str(), rest))
+    {
+        Some(("setup", [])) => steps.run("setup", setup::setup)?,
+        Some(("demo", rest)) => {
+            steps.run("setup", setup::setup)?;
+            let program = ["--release", "--package", "cli", "--bin", "eigentile"];
+            steps.run("build", || cargo(&["build"]).args(program).run())?;
+            steps.run("demo", || {
+                cargo(&["run", "--quiet"])
+                    .args(program)
+                    .args(["--", "demo"])
+                    .args(rest)
+                    .run()
+            })?;
+        }
+        Some(("test", [])) => {
+            steps.run("setup", setup::setup)?;
+            steps.run("fmt", || cargo(&["fmt", "--all", "--check"]).run())?;
+            let lints = ["--workspace", "--all-targets", "--", "-D", "warnings"];
+            steps.run("clippy", || cargo(&["clippy"]).args(lints).run())?;
+            steps.run("test", || cargo(&["test", "--workspace"]).run())?;
+            let documentation = ["--workspace", "--no-deps", "--document-private-items"];
+            steps.run("doc", || {
+                cargo(&["doc"])
+                    .args(documentation)
+                    .env("RUSTDOCFLAGS", "-D warnings")
+                    .run()
+            })?;
+        }
+        Some(("-h" | "--help" | "help", _)) | None => println!("{HELP}"),
+        Some((command, _)) => {
+            bail!("no such command, or too many arguments: {command:?}; try `cargo xtask help`")
+        }
+    }
+    steps.summary();
+    Ok(())
+}

@@ -1,0 +1,135 @@
+//! What the workspace needs beyond Rust: a Vulkan loader and a driver.
+//!
+//! Any driver will do. Without a graphics card Mesa's software adapter (llvmpipe) draws; Debian has it in the
+//! package mesa-vulkan-drivers. macOS and Windows bring Metal and DX12.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Result, bail};
+
+use crate::steps::Program;
+
+const PACKAGES: [&str; 2] = ["mesa-vulkan-drivers", "libvulkan1"];
+
+/// Finds the loader and a driver, or installs them, or says how to.
+pub(crate) fn setup() -> Result<()> {
+    if !cfg!(target_os = "linux") {
+        return Ok(());
+    }
+    let missing = missing();
+    if missing.is_empty() {
+        return Ok(());
+    }
+    eprintln!("missing: {}", missing.join(", "));
+    let command = format!(
+        "apt-get install -y --no-install-recommends {}",
+        PACKAGES.join(" ")
+    );
+    if !found_on_path("apt-get") {
+        bail!(
+            "no {}: install your distribution's Vulkan loader and a Vulkan driver; without a graphics card \
+             Mesa's software driver, lavapipe (vulkan-swrast on Arch, mesa-vulkan-drivers on Fedora)",
+            missing.join(", no ")
+        );
+    }
+    if !is_root() {
+        bail!("no {}: run `sudo {command}`", missing.join(", no "));
+    }
+    // The lists of a fresh container are empty or old: fetch them only if the first try fails.
+    if install().is_err() {
+        apt_get().args(["update"]).run()?;
+        install()?;
+    }
+    match self::missing() {
+        missing if missing.is_empty() => Ok(()),
+        missing => bail!(
+            "`{command}` was run, and there is still no {}",
+            missing.join(", no ")
+        ),
+    }
+}
+
+fn install() -> Result<()> {
+    apt_get()
+        .args(["install", "-y", "--no-install-recommends"])
+        .args(PACKAGES)
+        .run()
+}
+
+fn apt_get() -> Program {
+    Program::new("apt-get").env("DEBIAN_FRONTEND", "noninteractive")
+}
+
+/// What is not there, by name.
+fn missing() -> Vec<&'static str> {
+    let loader = library_folders().any(|folder| folder.join("libvulkan.so.1").exists());
+    let chosen = ["VK_DRIVER_FILES", "VK_ICD_FILENAMES"]
+        .iter()
+        .any(|name| std::env::var_os(name).is_some());
+    let driver = chosen || driver_folders().any(|folder| has_json(&folder));
+    let mut missing = Vec::new();
+    if !loader {
+        missing.push("Vulkan loader (libvulkan.so.1)");
+    }
+    if !driver {
+        missing.push("Vulkan driver (vulkan/icd.d/*.json)");
+    }
+    missing
+}
+
+/// Where a distribution puts libraries, and LD_LIBRARY_PATH.
+fn library_folders() -> impl Iterator<Item = PathBuf> {
+    let given = std::env::var_os("LD_LIBRARY_PATH").unwrap_or_default();
+    let roots = [
+        "/usr/lib",
+        "/usr/lib64",
+        "/lib",
+        "/lib64",
+        "/usr/local/lib",
+        "/run/opengl-driver/lib",
+    ]
+    .map(PathBuf::from);
+    let machines = roots
+        .clone()
+        .into_iter()
+        .map(|root| root.join(format!("{}-linux-gnu", std::env::consts::ARCH)));
+    let given: Vec<PathBuf> = std::env::split_paths(&given).collect();
+    given.into_iter().chain(machines.collect::<Vec<_>>()).chain(roots)
+}
+
+/// Where the Vulkan loader looks for drivers (Khronos: Loader and Driver Interface, "Driver Discovery").
+fn driver_folders() -> impl Iterator<Item = PathBuf> {
+    let home = std::env::var_os("XDG_DATA_HOME")
+        .map(PathBuf::from)
+        .or_else(|| std::env::var_os("HOME").map(|home| Path::new(&home).join(".local/share")));
+    let shared = std::env::var_os("XDG_DATA_DIRS").unwrap_or_else(|| "/usr/local/share:/usr/share".into());
+    let shared: Vec<PathBuf> = std::env::split_paths(&shared).collect();
+    let roots = home
+        .into_iter()
+        .chain(shared)
+        .chain(["/etc", "/usr/local/etc", "/run/opengl-driver/share"].map(PathBuf::from));
+    roots.map(|root| root.join("vulkan/icd.d"))
+}
+
+fn has_json(folder: &Path) -> bool {
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    entries.into_iter().any(|entry| {
+        entry
+            .path()
+            .extension()
+            .is_some_and(|extension| extension == "json")
+    })
+}
+
+fn found_on_path(program: &str) -> bool {
+    let path = std::env::var_os("PATH").unwrap_or_default();
+    std::env::split_paths(&path).any(|folder| folder.join(program).is_file())
+}
+
+/// Asks the file system: a process's own folder in /proc belongs to its user.
+fn is_root() -> bool {
+    #[cfg(unix)]
+    return std::fs::metadata("/proc/self").is_ok_and(|own| std::os::unix::fs::MetadataExt::uid(&own) == 0);
+    #[cfg(not(unix))]
+    return false;
+}
