@@ -21,6 +21,7 @@ fn failures_are_one_clear_line() {
     fs::write(at.join("text.gltf"), "{}").unwrap();
     fs::write(at.join("path.json"), r#"{"keys": []}"#).unwrap();
     scenes::gltf::save(&scenes::showcase::swatch("absent"), &at.join("swatch.gltf")).unwrap();
+    fs::create_dir(at.join("tiles")).unwrap();
     let taken = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = taken.local_addr().unwrap().to_string();
     let cases: &[(&[&str], &[&str])] = &[
@@ -37,7 +38,7 @@ fn failures_are_one_clear_line() {
         (&["inspect", "empty.bsvtf", "--json"], &["empty.bsvtf"]),
         (&["export", "text.bsvtf", "-o", "factors"], &["text.bsvtf"]),
         (&["serve", "absent"], &["absent"]),
-        (&["serve", ".", "--listen", &address], &[&address, "--listen"]),
+        (&["serve", "tiles", "--listen", &address], &[&address, "--listen"]),
         (&["render", "absent.gltf", "-o", "out"], &["absent.gltf"]),
         (&["render", "text.gltf", "-o", "out"], &["text.gltf"]),
         (

@@ -55,7 +55,12 @@ pub struct HostStore {
 impl HostStore {
     /// An empty store that keeps at most `budget_bytes`.
     pub fn new(budget_bytes: u64) -> Self {
-        Self { held: LruCache::unbounded(), bytes: 0, reserved_bytes: 0, budget_bytes }
+        Self {
+            held: LruCache::unbounded(),
+            bytes: 0,
+            reserved_bytes: 0,
+            budget_bytes,
+        }
     }
 
     /// Bytes held.
@@ -102,8 +107,10 @@ impl HostStore {
     }
 
     fn shrink(&mut self) {
-        while self.bytes + self.reserved_bytes > self.budget_bytes {
-            let Some((_, oldest)) = self.held.pop_lru() else { break };
+        while self.bytes.saturating_add(self.reserved_bytes) > self.budget_bytes {
+            let Some((_, oldest)) = self.held.pop_lru() else {
+                break;
+            };
             self.bytes -= oldest.bytes();
         }
     }
@@ -130,7 +137,11 @@ pub enum Step {
 impl Pending {
     /// A record that has arrived.
     pub fn new(item: Item, record: Bytes) -> Self {
-        Self { item, record, reached: None }
+        Self {
+            item,
+            record,
+            reached: None,
+        }
     }
 
     /// Bytes held outside the store.
@@ -143,8 +154,12 @@ impl Pending {
     /// # Errors
     /// Those of [`codec::decode_page`], of an ancestor.
     pub fn step(&mut self, index: &Index, store: &mut HostStore) -> Result<Step> {
-        let Item::Page(material, page) = self.item else { return Ok(Step::Ready(None)) };
-        let Some(parent) = parent_of(index, page) else { return Ok(Step::Ready(None)) };
+        let Item::Page(material, page) = self.item else {
+            return Ok(Step::Ready(None));
+        };
+        let Some(parent) = parent_of(index, page) else {
+            return Ok(Step::Ready(None));
+        };
         // Up to the nearest ancestor that is decoded …
         let mut missing = Vec::new();
         let mut next = Some(parent);
@@ -162,8 +177,16 @@ impl Pending {
         }
         // … and down again.
         while let Some(ancestor) = missing.pop() {
-            let Some(record) = local_record(index, store, material, ancestor)? else { return Ok(Step::Needs(ancestor)) };
-            let page = codec::decode_page(index.manifest.codec, &index.pyramid, ancestor, &record, decoded.as_deref())?;
+            let Some(record) = local_record(index, store, material, ancestor)? else {
+                return Ok(Step::Needs(ancestor));
+            };
+            let page = codec::decode_page(
+                index.manifest.codec,
+                &index.pyramid,
+                ancestor,
+                &record,
+                decoded.as_deref(),
+            )?;
             let page = Arc::new(page);
             store.put_page(material, ancestor, page.clone());
             self.reached = Some((ancestor, page.clone()));
@@ -175,10 +198,18 @@ impl Pending {
 
 /// The page that a page is decoded against.
 fn parent_of(index: &Index, page: PageId) -> Option<PageId> {
-    Some(PageId { tile: index.pyramid.parent(page.tile)?, ..page })
+    Some(PageId {
+        tile: index.pyramid.parent(page.tile)?,
+        ..page
+    })
 }
 
-fn local_record(index: &Index, store: &mut HostStore, material: MaterialId, page: PageId) -> Result<Option<Bytes>> {
+fn local_record(
+    index: &Index,
+    store: &mut HostStore,
+    material: MaterialId,
+    page: PageId,
+) -> Result<Option<Bytes>> {
     if index.page(page)?.length == 0 {
         return Ok(Some(Bytes::new()));
     }
@@ -201,8 +232,141 @@ pub fn decode(index: &Index, pending: &Pending, parent: Option<&Page>) -> Result
     Ok(match pending.item {
         Item::Page(_, page) => {
             let codec = index.manifest.codec;
-            Decoded::Page(Arc::new(codec::decode_page(codec, &index.pyramid, page, &pending.record, parent)?))
+            Decoded::Page(Arc::new(codec::decode_page(
+                codec,
+                &index.pyramid,
+                page,
+                &pending.record,
+                parent,
+            )?))
         }
-        Item::Column(_, group) => Decoded::Column(codec::decode_column(&index.manifest, group, &pending.record)?),
+        Item::Column(_, group) => {
+            Decoded::Column(codec::decode_column(&index.manifest, group, &pending.record)?)
+        }
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use half::f16;
+    use tileset::{ArchiveWriter, Codec, Factorization, Ledger, Manifest, Tile, codec::MipImage};
+
+    use super::*;
+
+    const MATERIAL: MaterialId = MaterialId(0);
+
+    /// An archive of one group and 256² texels, and all pages as the encoder left them.
+    fn archive() -> (Index, Vec<(PageId, Bytes, Page)>) {
+        let up = tileset::Direction { theta: 0.0, phi: 0.0 };
+        let manifest = Manifest {
+            name: "noise".into(),
+            generator: "test".into(),
+            width: 256,
+            height: 256,
+            wrap: true,
+            cosine: false,
+            views: vec![up],
+            lights: vec![up],
+            components: 4,
+            factorization: Factorization::Fmf,
+            codec: Codec::DctDeltaZstd { step: 0.01 },
+            texture_scale: 1.0,
+            mean_rgb: [0.5; 3],
+            singular_values: vec![1.0; 4],
+            errors: Ledger::default(),
+        };
+        let pyramid = manifest.pyramid().unwrap();
+        let noise = |at: u32| (at.wrapping_mul(2_654_435_761) >> 8) as f32 / (1 << 24) as f32;
+        let texels = (0..256 * 256)
+            .map(|at| std::array::from_fn(|c| noise(at * 4 + c as u32)))
+            .collect();
+        let mut mips = vec![MipImage {
+            width: 256,
+            height: 256,
+            texels,
+        }];
+        for _ in 0..pyramid.tail_mip() {
+            mips.push(mips[mips.len() - 1].downsample(true));
+        }
+        let mut writer = ArchiveWriter::new(manifest.clone()).unwrap();
+        let mut pages: Vec<(PageId, Bytes, Page)> = Vec::new();
+        for tile in pyramid.tiles() {
+            let parent = pyramid.parent(tile).and_then(|parent| pyramid.tile_index(parent));
+            let parent = parent.map(|parent| &pages[parent as usize].2);
+            let mip = &mips[usize::from(tile.mip)];
+            let page = codec::encode_page(manifest.codec, &pyramid, tile, mip, parent).unwrap();
+            let id = PageId { group: 0, tile };
+            writer.add_page(id, page.bytes.clone(), page.weight).unwrap();
+            pages.push((id, page.bytes.into(), page.decoded));
+        }
+        let column = Column {
+            texels: vec![[f16::ONE; 4]; 3],
+        };
+        writer
+            .add_column(0, codec::encode_column(&column).unwrap(), 1.0)
+            .unwrap();
+        let mut bytes = Vec::new();
+        writer.write(&mut bytes).unwrap();
+        (
+            Index::parse(&bytes[..Index::prefix_bytes(&bytes).unwrap() as usize]).unwrap(),
+            pages,
+        )
+    }
+
+    #[test]
+    fn any_page_is_decoded_from_nothing_with_little_room() {
+        let (index, pages) = archive();
+        for budget in [PAGE_BYTES / 2, 3 * PAGE_BYTES, 1 << 30] {
+            let mut store = HostStore::new(budget);
+            for (id, record, wanted) in &pages {
+                let mut pending = Pending::new(Item::Page(MATERIAL, *id), record.clone());
+                let mut asked = 0;
+                let parent = loop {
+                    match pending.step(&index, &mut store).unwrap() {
+                        Step::Ready(parent) => break parent,
+                        // The record comes, and is used before it is forgotten.
+                        Step::Needs(ancestor) => {
+                            let (_, record, _) = pages.iter().find(|(id, ..)| *id == ancestor).unwrap();
+                            store.put_record(Item::Page(MATERIAL, ancestor), record.clone());
+                            asked += 1;
+                        }
+                    }
+                };
+                assert!(asked <= u32::from(index.pyramid.tail_mip() - id.tile.mip));
+                assert!(store.bytes() <= budget);
+                let Decoded::Page(page) = decode(&index, &pending, parent.as_deref()).unwrap() else {
+                    panic!("{id} is no page")
+                };
+                assert!(*page == *wanted, "{id}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_least_recently_used_goes_first_and_reserved_bytes_count() {
+        let item = |x| {
+            Item::Page(
+                MATERIAL,
+                PageId {
+                    group: 0,
+                    tile: Tile { mip: 0, x, y: 0 },
+                },
+            )
+        };
+        let mut store = HostStore::new(3 * (100 + ENTRY_BYTES));
+        for x in 0..3 {
+            store.put_record(item(x), vec![x as u8; 100].into());
+        }
+        assert_eq!(store.bytes(), 3 * (100 + ENTRY_BYTES));
+        assert!(store.record(item(0)).is_some());
+        store.put_record(item(3), vec![3; 100].into());
+        assert!(store.record(item(1)).is_none() && store.record(item(0)).is_some());
+        // The same again takes no more room.
+        store.put_record(item(3), vec![3; 100].into());
+        assert_eq!(store.bytes(), 3 * (100 + ENTRY_BYTES));
+        store.reserve(100 + ENTRY_BYTES);
+        assert!(store.record(item(2)).is_none() && store.record(item(3)).is_some());
+        store.reserve(u64::MAX);
+        assert_eq!(store.bytes(), 0);
+    }
 }

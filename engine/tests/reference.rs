@@ -181,7 +181,8 @@ fn a_diffuse_surface_and_a_white_btf_look_the_same() {
     assert_close(&btf, expected);
 }
 
-/// Row 0 of a material is at v = 0, the top of the quad; texel (x, y) has its middle at ((x + ½)/W, (y + ½)/H).
+/// Row 0 of a material is at v = 0, the top of the quad; texel (x, y) has its middle at ((x + ½)/W, (y +
+/// ½)/H).
 #[test]
 fn texels_lie_where_they_belong() {
     let size = (64, 32);
@@ -232,7 +233,8 @@ fn texels_lie_where_they_belong() {
     }
 }
 
-/// The mip is log2 of the texels from pixel to pixel, and fades linearly: a BTF that says its mip says it here.
+/// The mip is log2 of the texels from pixel to pixel, and fades linearly: a BTF that says its mip says it
+/// here.
 #[test]
 fn the_level_of_detail_is_the_logarithm_of_the_step() {
     let mut scene = quad_scene();

@@ -284,7 +284,8 @@ fn noise(size: (u32, u32)) -> Noise {
     }
 }
 
-/// The box over the finest texels, weighted by covered area: for sides that halve evenly there is no other reading.
+/// The box over the finest texels, weighted by covered area: for sides that halve evenly there is no other
+/// reading.
 #[test]
 fn mips_are_means_of_the_finest_texels() {
     let btf = Mipped::new(noise((64, 32)), 1 << 20).unwrap();

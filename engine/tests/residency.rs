@@ -232,8 +232,8 @@ impl Driver {
         );
     }
 
-    /// Lets everything arrive, in an order that `turn` chooses, until nothing moves. Panics if that takes more updates
-    /// than there are items to move.
+    /// Lets everything arrive, in an order that `turn` chooses, until nothing moves. Panics if that takes
+    /// more updates than there are items to move.
     fn settle(&mut self, mut turn: usize) {
         let votes = self.scene.votes.clone();
         let most = 20 + 4 * self.scene.items();
@@ -266,8 +266,8 @@ fn same_cache(a: Item, b: Item) -> bool {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(300))]
 
-    /// Budgets, closure, and the predicted error against a naive model hold after every step; the checks are in the
-    /// driver.
+    /// Budgets, closure, and the predicted error against a naive model hold after every step; the checks
+    /// are in the driver.
     #[test]
     fn invariants_hold_on_any_trace(
         scene in scene(), limits in limits(), steps in prop::collection::vec(step(), 1..60),
@@ -288,7 +288,8 @@ proptest! {
         prop_assert_eq!(first, second);
     }
 
-    /// Whatever happened before, static votes settle; then nothing moves, and visible materials have their roots.
+    /// Whatever happened before, static votes settle; then nothing moves, and visible materials have their
+    /// roots.
     #[test]
     fn static_votes_settle(
         scene in scene(), mut limits in limits(), steps in prop::collection::vec(step(), 0..40),
@@ -349,8 +350,8 @@ proptest! {
         }
     }
 
-    /// Settled, the predicted error is that of the best closed set of as many pages, up to the margin, and up to the
-    /// one set of pages of equal value that the budget may cut.
+    /// Settled, the predicted error is that of the best closed set of as many pages, up to the margin, and
+    /// up to the one set of pages of equal value that the budget may cut.
     #[test]
     fn settled_is_nearly_optimal(scene in scene(), slots in 1u32..30, turn: usize, votes in votes()) {
         for (scene, whole_blocks) in [(scene.clone(), false), (scene.falling(), true)] {

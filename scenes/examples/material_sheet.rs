@@ -18,7 +18,10 @@ use tileset::Direction;
 const LIGHTS: [(f64, f64); 5] = [(0.0, 0.0), (60.0, 0.0), (60.0, 90.0), (75.0, 180.0), (45.0, 45.0)];
 
 fn degrees(theta: f64, phi: f64) -> Direction {
-    Direction { theta: theta.to_radians(), phi: phi.to_radians() }
+    Direction {
+        theta: theta.to_radians(),
+        phi: phi.to_radians(),
+    }
 }
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -29,13 +32,16 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         match argument.as_str() {
             "--size" => options.size = arguments.next().ok_or("--size needs a number")?.parse()?,
             "--seed" => options.seed = arguments.next().ok_or("--seed needs a number")?.parse()?,
-            "--threads" => options.threads = Some(arguments.next().ok_or("--threads needs a number")?.parse()?),
+            "--threads" => {
+                options.threads = Some(arguments.next().ok_or("--threads needs a number")?.parse()?)
+            }
             "--measure" => measuring = true,
             _ if folder.is_none() => folder = Some(PathBuf::from(argument)),
             _ => names.push(argument),
         }
     }
-    let folder = folder.ok_or("usage: material_sheet OUT_DIR [--size N] [--seed N] [--measure] [MATERIAL ...]")?;
+    let folder =
+        folder.ok_or("usage: material_sheet OUT_DIR [--size N] [--seed N] [--measure] [MATERIAL ...]")?;
     if names.is_empty() {
         names = materials().iter().map(|m| m.name.to_string()).collect();
     }
@@ -61,7 +67,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             let plane = (size * size) as usize;
             let pixel = |light: usize, x: u32, y: u32| {
                 let at = |c: usize| block[(light * 3 + c) * plane + (y * size + x) as usize].to_f32();
-                image::Rgb([0, 1, 2].map(|c| display(at(c) / LIGHTS[light].0.to_radians().cos().max(0.4) as f32)))
+                image::Rgb(
+                    [0, 1, 2].map(|c| display(at(c) / LIGHTS[light].0.to_radians().cos().max(0.4) as f32)),
+                )
             };
             for (n, &(_, light)) in cells.iter().enumerate().filter(|(_, cell)| cell.0 == view) {
                 let (left, top) = (n as u32 % 4 * size, n as u32 / 4 * size);
@@ -104,6 +112,10 @@ fn measure(names: &[String], options: &SynthOptions) -> Result<(), Box<dyn std::
 /// sRGB of a radiance factor, a little brighter than it is.
 fn display(radiance_factor: f32) -> u8 {
     let value = (radiance_factor * 1.4).clamp(0.0, 1.0);
-    let encoded = if value <= 0.003_130_8 { 12.92 * value } else { 1.055 * value.powf(1.0 / 2.4) - 0.055 };
+    let encoded = if value <= 0.003_130_8 {
+        12.92 * value
+    } else {
+        1.055 * value.powf(1.0 / 2.4) - 0.055
+    };
     (encoded * 255.0 + 0.5) as u8
 }

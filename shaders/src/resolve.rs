@@ -39,6 +39,7 @@ macro_rules! embed {
 }
 
 embed!(
+    "btf",
     "columns",
     "directions",
     "feedback",
@@ -66,7 +67,12 @@ pub fn shader(name: &str) -> Result<String, Error> {
 /// # Errors
 /// [`Error`], naming importer and import.
 pub fn resolve<'a>(name: &str, source: &dyn Fn(&str) -> Option<&'a str>) -> Result<String, Error> {
-    let mut resolver = Resolver { source, done: Vec::new(), open: Vec::new(), text: String::new() };
+    let mut resolver = Resolver {
+        source,
+        done: Vec::new(),
+        open: Vec::new(),
+        text: String::new(),
+    };
     resolver.include("caller", name)?;
     Ok(resolver.text)
 }
@@ -84,7 +90,10 @@ impl Resolver<'_, '_> {
             return Ok(());
         }
         if self.open.iter().any(|open| open == name) {
-            return Err(Error::Cycle { importer: importer.into(), name: name.into() });
+            return Err(Error::Cycle {
+                importer: importer.into(),
+                name: name.into(),
+            });
         }
         let source = (self.source)(name).ok_or_else(|| Error::Unknown {
             importer: importer.into(),
@@ -129,7 +138,9 @@ mod tests {
 
     #[test]
     fn errors_name_importer_and_import() {
-        assert!(matches!(resolve("circle", &files), Err(Error::Cycle { importer, .. }) if importer == "circle"));
+        assert!(
+            matches!(resolve("circle", &files), Err(Error::Cycle { importer, .. }) if importer == "circle")
+        );
         let error = resolve("lost", &files).unwrap_err().to_string();
         assert!(error.contains("lost") && error.contains("nowhere"), "{error}");
         assert!(shader("nonsense").is_err());
@@ -140,7 +151,16 @@ mod tests {
         let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/wgsl");
         let mut names: Vec<_> = std::fs::read_dir(folder)
             .unwrap()
-            .map(|entry| entry.unwrap().path().file_stem().unwrap().to_str().unwrap().to_owned())
+            .map(|entry| {
+                entry
+                    .unwrap()
+                    .path()
+                    .file_stem()
+                    .unwrap()
+                    .to_str()
+                    .unwrap()
+                    .to_owned()
+            })
             .collect();
         names.sort();
         assert_eq!(names, NAMES);

@@ -12,7 +12,8 @@ use shaders::{
 
 fn parse(name: &str) -> Module {
     let source = shader(name).unwrap();
-    naga::front::wgsl::parse_str(&source).unwrap_or_else(|error| panic!("{name}: {}", error.emit_to_string(&source)))
+    naga::front::wgsl::parse_str(&source)
+        .unwrap_or_else(|error| panic!("{name}: {}", error.emit_to_string(&source)))
 }
 
 /// The name of a type as it is written in WGSL.
@@ -25,10 +26,18 @@ fn type_name(module: &Module, ty: naga::Handle<naga::Type>) -> String {
     match &module.types[ty].inner {
         TypeInner::Scalar(inner) => scalar(*inner),
         TypeInner::Vector { size, scalar: inner } => format!("vec{}<{}>", *size as u32, scalar(*inner)),
-        TypeInner::Matrix { columns, rows, scalar: inner } => {
+        TypeInner::Matrix {
+            columns,
+            rows,
+            scalar: inner,
+        } => {
             format!("mat{}x{}<{}>", *columns as u32, *rows as u32, scalar(*inner))
         }
-        TypeInner::Array { base, size: naga::ArraySize::Constant(length), .. } => {
+        TypeInner::Array {
+            base,
+            size: naga::ArraySize::Constant(length),
+            ..
+        } => {
             format!("array<{}, {length}>", type_name(module, *base))
         }
         TypeInner::Struct { .. } => module.types[ty].name.clone().unwrap(),
@@ -41,24 +50,48 @@ type Member = (String, String, usize, usize);
 
 /// Members of a WGSL struct, and its size in bytes.
 fn wgsl_fields(module: &Module, name: &str) -> Option<(Vec<Member>, usize)> {
-    let (_, ty) = module.types.iter().find(|(_, ty)| ty.name.as_deref() == Some(name))?;
-    let TypeInner::Struct { members, span } = &ty.inner else { return None };
+    let (_, ty) = module
+        .types
+        .iter()
+        .find(|(_, ty)| ty.name.as_deref() == Some(name))?;
+    let TypeInner::Struct { members, span } = &ty.inner else {
+        return None;
+    };
     let fields = members.iter().map(|member| {
         let size = module.types[member.ty].inner.size(module.to_ctx());
-        (member.name.clone().unwrap(), type_name(module, member.ty), member.offset as usize, size as usize)
+        (
+            member.name.clone().unwrap(),
+            type_name(module, member.ty),
+            member.offset as usize,
+            size as usize,
+        )
     });
     Some((fields.collect(), *span as usize))
 }
 
 /// What differs between a mirror and the struct of its name.
 fn differences<M: Mirror>(module: &Module) -> Option<String> {
-    let Some((wgsl, span)) = wgsl_fields(module, M::NAME) else { return Some(format!("no struct {}", M::NAME)) };
+    let Some((wgsl, span)) = wgsl_fields(module, M::NAME) else {
+        return Some(format!("no struct {}", M::NAME));
+    };
     let rust: Vec<_> = M::fields()
         .into_iter()
-        .map(|Field { name, ty, offset, size }| (name.to_owned(), ty, offset, size))
+        .map(
+            |Field {
+                 name,
+                 ty,
+                 offset,
+                 size,
+             }| (name.to_owned(), ty, offset, size),
+        )
         .collect();
-    (rust != wgsl || span != size_of::<M>())
-        .then(|| format!("{}: Rust {} bytes {rust:#?}, WGSL {span} bytes {wgsl:#?}", M::NAME, size_of::<M>()))
+    (rust != wgsl || span != size_of::<M>()).then(|| {
+        format!(
+            "{}: Rust {} bytes {rust:#?}, WGSL {span} bytes {wgsl:#?}",
+            M::NAME,
+            size_of::<M>()
+        )
+    })
 }
 
 #[test]
@@ -66,14 +99,23 @@ fn every_entry_point_validates() {
     let mut entry_points = Vec::new();
     for name in NAMES {
         let module = parse(name);
-        // No capabilities: nothing beyond core WebGPU.
-        Validator::new(ValidationFlags::all(), Capabilities::empty())
+        // Nothing beyond core WebGPU, to which unpack2x16float belongs.
+        Validator::new(ValidationFlags::all(), Capabilities::SHADER_FLOAT16_IN_FLOAT32)
             .validate(&module)
             .unwrap_or_else(|error| panic!("{name}: {}", error.emit_to_string(&shader(name).unwrap())));
         entry_points.extend(module.entry_points.iter().map(|entry| entry.name.clone()));
     }
     entry_points.sort();
-    assert_eq!(entry_points, ["feedback", "shade", "tonemap", "visibility_fragment", "visibility_vertex"]);
+    assert_eq!(
+        entry_points,
+        [
+            "feedback",
+            "shade",
+            "tonemap",
+            "visibility_fragment",
+            "visibility_vertex"
+        ]
+    );
 }
 
 #[test]

@@ -1,106 +1,18 @@
 // Outgoing radiance of each pixel, linear RGB.
-//
-// Source: Schwartz, Ruiters, Klein 2013, section 4: ρ = Σ_c U_c(ωi, ωo) V_c(x), equation 5. V is sampled once per
-// group for LIGHT_BLOCK lights; directions are interpolated once for all groups; groups that are not resident
-// cost two loads.
 
-#import columns
-#import directions
-#import light
-#import pages
+#import btf
 
 @group(2) @binding(0) var visibility: texture_2d<u32>;
 @group(2) @binding(1) var picture: texture_storage_2d<rgba32float, write>;
 
-const PI: f32 = 3.14159265358979;
-const LIGHT_BLOCK: u32 = 4u;
-
-// A light as the sum over groups needs it.
-struct LightTaps {
-    // Offsets into a row of a column, and weights.
-    offsets: vec3<u32>,
-    weights: vec3<f32>,
-    // By which the interpolated reflectance is multiplied; zero for a light below the horizon.
-    factor: vec3<f32>,
-}
-
-fn light_taps(material: u32, light: Incident) -> LightTaps {
-    let taps = direction_taps(materials[material].light_directions, light.direction);
-    var cosine = light.direction.z;
-    if (materials[material].flags & INCLUDES_COSINE) != 0u {
-        // The samples include the cosine of where they were taken; outside the hull that is another angle.
-        cosine = select(1.0, cosine / max(taps.cosine, 1e-4), taps.outside);
-    }
-    return LightTaps(taps.indices * 3u, taps.weights, light.irradiance * (cosine / PI));
-}
-
-// Reflectance of a group at nine taps: three of the view (`rows`: offsets of their first light) by three lights.
-fn interpolate(slot: u32, rows: vec3<u32>, row_weights: vec3<f32>, light: LightTaps, texture: vec4<f32>) -> vec3<f32> {
-    var sum = mat3x4<f32>();
-    for (var view = 0u; view < 3u; view++) {
-        sum += (row_weights[view] * light.weights.x) * eigen_abrdf(slot, rows[view] + light.offsets.x);
-        sum += (row_weights[view] * light.weights.y) * eigen_abrdf(slot, rows[view] + light.offsets.y);
-        sum += (row_weights[view] * light.weights.z) * eigen_abrdf(slot, rows[view] + light.offsets.z);
-    }
-    return texture * sum;
-}
-
-// The same for the ambient light, which has one direction.
-fn interpolate_ambient(slot: u32, rows: vec3<u32>, row_weights: vec3<f32>, offset: u32, texture: vec4<f32>) -> vec3<f32> {
-    let sum = row_weights.x * eigen_abrdf(slot, rows.x + offset)
-        + row_weights.y * eigen_abrdf(slot, rows.y + offset)
-        + row_weights.z * eigen_abrdf(slot, rows.z + offset);
-    return texture * sum;
-}
-
-fn shade_btf(seen: Surface) -> vec4<f32> {
-    let m = seen.material;
-    let wanted = footprint(seen);
-    let groups = materials[m].groups;
-    let tiles = materials[m].page_table + groups;
-    let fine = tiles + tile_index(m, wanted, wanted.mip) * groups;
-    let coarse = tiles + tile_index(m, wanted, min(wanted.mip + 1u, materials[m].mip_count - 1u)) * groups;
-
-    let row = (materials[m].lights + 1u) * 3u;
-    let view = direction_taps(materials[m].view_directions, tangent_from_world(seen, -normalize(seen.position)));
-    let rows = view.indices * row;
-
-    var radiance = vec3(0.0);
-    var resident = 0.0;
-    for (var first = 0u; first == 0u || first < frame.light_count; first += LIGHT_BLOCK) {
-        var block: array<LightTaps, LIGHT_BLOCK>;
-        var used = 0u;
-        for (var i = first; i < min(first + LIGHT_BLOCK, frame.light_count); i++) {
-            let light = incident(seen, i);
-            if light.direction.z > 0.0 {
-                block[used] = light_taps(m, light);
-                used++;
-            }
-        }
-        for (var group = 0u; group < groups; group++) {
-            let slot = page_table[materials[m].page_table + group];
-            let page = page_table[fine + group];
-            if slot == NONE || page == NONE {
-                continue;
-            }
-            resident = 1.0;
-            let texture = eigen_texture(m, wanted, page, page_table[coarse + group]);
-            for (var i = 0u; i < used; i++) {
-                radiance += block[i].factor * interpolate(slot, rows, view.weights, block[i], texture);
-            }
-            if first == 0u && any(frame.ambient > vec3(0.0)) {
-                radiance += frame.ambient * interpolate_ambient(slot, rows, view.weights, row - 3u, texture);
-            }
-        }
-    }
-    return vec4(radiance * materials[m].texture_scale, resident);
-}
-
+// Also stands for a BTF of which nothing is resident, with its mean.
 fn shade_diffuse(seen: Surface) -> vec3<f32> {
     var irradiance = PI * frame.ambient;
     for (var i = 0u; i < frame.light_count; i++) {
         let light = incident(seen, i);
-        irradiance += light.irradiance * max(light.direction.z, 0.0);
+        if light.direction.z > 0.0 {
+            irradiance += light.irradiance * light.direction.z;
+        }
     }
     return materials[seen.material].albedo * irradiance / PI;
 }

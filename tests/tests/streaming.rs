@@ -61,6 +61,38 @@ fn memory() -> MemorySource {
     source
 }
 
+/// Nowhere further apart than the rounding of a texture filter: records that arrive in another order lie in
+/// other slots, and filters round their coordinates there.
+fn assert_same(picture: &Picture, expected: &Picture, what: &str) {
+    let pairs = picture
+        .pixels
+        .iter()
+        .flatten()
+        .zip(expected.pixels.iter().flatten());
+    let (mut error, mut norm) = (0.0, 0.0);
+    for (a, b) in pairs {
+        assert!(
+            (a - b).abs() < 0.02 * b.abs() + 2e-3,
+            "{what}: {a} instead of {b}"
+        );
+        error += f64::from(a - b).powi(2);
+        norm += f64::from(*b).powi(2);
+    }
+    assert!(
+        (error / norm).sqrt() < 1e-3,
+        "{what}: relative difference {}",
+        (error / norm).sqrt()
+    );
+}
+
+#[test]
+fn the_same_answers_give_the_same_bits() {
+    let scene = scene();
+    let camera = scene.cameras[0];
+    let [(_, first), (_, second)] = [0, 1].map(|_| settle(&mut engine(&scene, memory(), ample()), &camera));
+    assert!(first == second);
+}
+
 #[test]
 fn every_source_gives_the_same_picture() {
     let scene = scene();
@@ -91,7 +123,7 @@ fn every_source_gives_the_same_picture() {
             (expected_stats.pages_resident, 8),
             "{name}"
         );
-        assert!(picture == expected, "{name} gives another picture");
+        assert_same(&picture, &expected, name);
     }
 }
 
@@ -129,7 +161,7 @@ fn the_way_to_a_view_leaves_no_trace() {
     }
     let (_, after_a_detour) = settle(&mut engine, &camera);
     // What else is resident may be filtered into nothing here: there is room for all.
-    assert!(direct == after_a_detour);
+    assert_same(&after_a_detour, &direct, "after a detour");
 }
 
 #[test]

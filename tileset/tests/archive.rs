@@ -233,27 +233,12 @@ fn the_writer_wants_every_record_once() {
 }
 
 #[test]
-fn damage_anywhere_is_found() {
-    let bytes = archive(&manifest(40, 33, 3, 0.2));
-    read_all(&bytes).unwrap();
-    for length in 0..bytes.len() {
-        assert!(
-            matches!(read_all(&bytes[..length]), Err(Error::Corrupt { .. })),
-            "cut at {length}"
-        );
+fn other_files_are_not_taken_for_archives() {
+    for bytes in [&b""[..], b"GIF89a", &[0; 1000], b"\x89PNG\r\n\x1a\n"] {
+        let error = read_all(bytes).unwrap_err();
+        assert!(matches!(error, Error::Corrupt { .. }), "{error}");
+        assert!(error.to_string().starts_with("header at byte 0"), "{error}");
     }
-    assert!(matches!(
-        read_all(&[&bytes[..], &[0]].concat()),
-        Err(Error::Corrupt { .. })
-    ));
-    let mut damaged = bytes.clone();
-    for i in 0..bytes.len() {
-        damaged[i] ^= 1 << (i % 8);
-        assert!(read_all(&damaged).is_err(), "byte {i}");
-        damaged[i] = bytes[i];
-    }
-    let error = read_all(b"GIF89a").unwrap_err().to_string();
-    assert!(error.contains("header at byte 0"), "{error}");
 }
 
 #[test]

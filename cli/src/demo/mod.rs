@@ -32,7 +32,7 @@ pub(crate) struct Arguments {
     #[arg(long, default_value_t = 128)]
     material_size: u32,
     /// Terms of the factorization.
-    #[arg(long, default_value_t = 48)]
+    #[arg(long, default_value_t = 64)]
     components: u32,
     /// Width and height of the pictures, pixels.
     #[arg(long, default_value = "960x540", value_parser = render::parse_size)]
@@ -57,8 +57,6 @@ Look at index.html in the folder. What is complete there is used again; remove t
 const CACHE_SHARES: [f64; 3] = [0.12, 0.35, 1.0];
 /// Share for the flight.
 const FLIGHT_SHARE: f64 = 0.35;
-/// A cache with room for everything in view at the sizes offered here.
-const AMPLE_BYTES: u64 = 768 << 20;
 
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let start = Instant::now();
@@ -112,7 +110,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let ledgers = Ledgers::fetch(server.address(), &scene)?;
 
     // The picture with everything in it comes first: it tells what 100 % is.
-    let mut engine = studio.engine(AMPLE_BYTES, Box::new(studio.http()?), arguments.size)?;
+    let ample_bytes = ledgers.ample_bytes();
+    let mut engine = studio.engine(ample_bytes, Box::new(studio.http()?), arguments.size)?;
     let settled = render::settle(&mut engine, &studio.camera)?;
     let full = *settled.last().context("no frame was drawn")?;
     let request = reference::Request {
@@ -127,7 +126,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     drop(engine);
     say(quiet, start, &quality.text());
 
-    let refinement = studio.refinement(AMPLE_BYTES, full.wire_bytes_total, &truth)?;
+    let refinement = studio.refinement(ample_bytes, full.wire_bytes_total, &truth)?;
     say(quiet, start, "refinement");
     let caches = CACHE_SHARES
         .iter()

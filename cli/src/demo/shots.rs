@@ -20,6 +20,8 @@ use crate::render::{budgeted, settle};
 
 /// Shares of all bytes after which a picture is kept, percent.
 const SHARES: [u32; 4] = [1, 5, 25, 100];
+/// Frames from one of these pictures to the next, about.
+const STEPS: u64 = 6;
 /// Longest time for one refinement.
 const PATIENCE: Duration = Duration::from_secs(600);
 /// How long to let the network work when a frame brought nothing.
@@ -99,6 +101,8 @@ impl Studio<'_> {
         let mut shots = Vec::new();
         for share in SHARES {
             let target = total_bytes * u64::from(share) / 100;
+            // A few frames from one picture to the next.
+            let step = target.saturating_sub(line.0.borrow().delivered_bytes()) / STEPS + 1;
             let stats = loop {
                 let delivered = line.0.borrow().delivered_bytes();
                 // A few frames from one picture to the next; single records may be larger than a step.

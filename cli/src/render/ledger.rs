@@ -32,6 +32,9 @@ struct Stated {
     cosine: bool,
     /// Texels of a column, with one more light for the ambient term.
     column_texels: u64,
+    /// Pages and columns of the archive.
+    pages: u32,
+    columns: u32,
 }
 
 impl Ledgers {
@@ -91,6 +94,13 @@ impl Ledgers {
         let page_bytes = u64::from(pages) * SLOT_AREA as u64 * TEXEL_BYTES;
         let column_bytes = u64::from(columns) * column_texels * TEXEL_BYTES;
         (page_bytes * 3 / 2).max(column_bytes * 3)
+    }
+
+    /// A budget with room for all pages and columns of all archives.
+    pub(crate) fn ample_bytes(&self) -> u64 {
+        let sum =
+            |value: fn(&Stated) -> u32| self.by_archive.values().map(value).fold(0, u32::saturating_add);
+        self.cache_bytes(sum(|stated| stated.pages), sum(|stated| stated.columns)) + (1 << 20)
     }
 
     /// Stated errors by archive.

@@ -1,4 +1,5 @@
-//! Runs the real program.
+//! Runs the real program. Each file of tests uses a part of this.
+#![allow(dead_code, unreachable_pub, missing_docs)]
 
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;

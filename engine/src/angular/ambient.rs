@@ -4,8 +4,9 @@ use tileset::Direction;
 
 use super::{Triangulation, cosine_from_parabolic};
 
-/// Steps of cosθ and of φ of the quadrature over the hemisphere. Doubling both moves the weights of the 81
-/// and of the 151 directions of the Bonn databases by less than 1e-4 of their sum.
+/// Steps of cosθ and of φ of the quadrature over the hemisphere. For the 81 and 151 directions of the Bonn
+/// databases the weights differ from those of 1024 × 2048 steps by 0.12 to 0.16 % of their sum, added up over
+/// all, and much less in the integral of anything smooth; that takes 3 ms, finer steps as much longer.
 const STEPS: (u32, u32) = (128, 256);
 
 impl Triangulation {

@@ -61,7 +61,8 @@ pub fn cosine_from_parabolic([x, y]: [f64; 2]) -> f64 {
 const INSIDE: f64 = -1e-10;
 
 impl Triangulation {
-    /// The taps for a direction; z at or below 0 counts as the horizon, a zero or non-finite one as the normal.
+    /// The taps for a direction; z at or below 0 counts as the horizon, a zero or non-finite one as the
+    /// normal.
     pub fn taps(&self, direction: [f64; 3]) -> Taps {
         self.taps_at(parabolic_from_direction(direction))
     }

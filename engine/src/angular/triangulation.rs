@@ -22,7 +22,8 @@ pub struct Triangulation {
     pub points: Vec<[f64; 2]>,
     /// Triangles; none if all samples lie on one line.
     pub triangles: Vec<Triangle>,
-    /// Edges of the convex hull, counter-clockwise; for samples on one line its segments, for one sample (0, 0).
+    /// Edges of the convex hull, counter-clockwise; for samples on one line its segments, for one sample
+    /// (0, 0).
     pub hull: Vec<[u32; 2]>,
     /// For each cell of a [`START_CELLS`]² grid over [-1, 1]² the triangle from which to walk, row by row
     /// from y = -1; `u32::MAX` where there are no triangles.

@@ -53,16 +53,25 @@ impl Options {
     pub(super) fn check(&self) -> Result<()> {
         let wrong = |text: String| Err(Error::Budget(text));
         if self.host_bytes < MIN_HOST_BYTES {
-            return wrong(format!("{} bytes of host memory: at least {MIN_HOST_BYTES} are needed", self.host_bytes));
+            return wrong(format!(
+                "{} bytes of host memory: at least {MIN_HOST_BYTES} are needed",
+                self.host_bytes
+            ));
         }
         if self.uploads_per_frame == 0 || self.requests_in_flight == 0 {
             return wrong("uploads in a frame and requests in flight must be at least one each".into());
         }
         if !(1..=MAX_FEEDBACK_STRIDE).contains(&self.feedback_stride) {
-            return wrong(format!("a feedback stride of {}: 1 to {MAX_FEEDBACK_STRIDE}", self.feedback_stride));
+            return wrong(format!(
+                "a feedback stride of {}: 1 to {MAX_FEEDBACK_STRIDE}",
+                self.feedback_stride
+            ));
         }
         if !self.exposure_stops.is_finite() {
-            return wrong(format!("an exposure of {} stops: a finite number is needed", self.exposure_stops));
+            return wrong(format!(
+                "an exposure of {} stops: a finite number is needed",
+                self.exposure_stops
+            ));
         }
         Ok(())
     }

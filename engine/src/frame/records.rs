@@ -54,7 +54,13 @@ impl Records {
     }
 
     /// Starts what a plan asks for and gives up what it cancels.
-    pub(super) fn follow(&mut self, plan: &Plan, btfs: &[Btf], source: &mut dyn TileSource, counters: &mut Counters) {
+    pub(super) fn follow(
+        &mut self,
+        plan: &Plan,
+        btfs: &[Btf],
+        source: &mut dyn TileSource,
+        counters: &mut Counters,
+    ) {
         for &item in &plan.cancel {
             if self.wanted.remove(&item) {
                 counters.requests_cancelled += 1;
@@ -74,10 +80,16 @@ impl Records {
             let stored = self.store.record(item);
             if record_of(item, btfs).is_ok_and(|record| record.length == 0) {
                 counters.pages_not_stored += 1;
-                self.pending.push_back(Waiting { pending: Pending::new(item, Bytes::new()), needs: None });
+                self.pending.push_back(Waiting {
+                    pending: Pending::new(item, Bytes::new()),
+                    needs: None,
+                });
             } else if let Some(record) = stored {
                 counters.records_from_host += 1;
-                self.pending.push_back(Waiting { pending: Pending::new(item, record), needs: None });
+                self.pending.push_back(Waiting {
+                    pending: Pending::new(item, record),
+                    needs: None,
+                });
             } else if !self.flying.contains_key(&item) {
                 self.queue.push_back(item);
             }
@@ -87,7 +99,9 @@ impl Records {
     /// Submits what waits, as far as the source takes it.
     pub(super) fn submit(&mut self, btfs: &[Btf], source: &mut dyn TileSource) {
         while let Some(&item) = self.queue.front() {
-            let Some(ticket) = source.submit(request(item, btfs)) else { break };
+            let Some(ticket) = source.submit(request(item, btfs)) else {
+                break;
+            };
             self.queue.pop_front();
             self.tickets.insert(ticket, item);
             self.flying.insert(item, ticket);
@@ -101,8 +115,16 @@ impl Records {
     }
 
     /// Takes an answer about a record. Those that nobody waits for change nothing.
-    pub(super) fn receive(&mut self, answer: Answer, btfs: &[Btf], counters: &mut Counters, problems: &mut Problems) {
-        let Some(item) = self.land(answer.ticket) else { return };
+    pub(super) fn receive(
+        &mut self,
+        answer: Answer,
+        btfs: &[Btf],
+        counters: &mut Counters,
+        problems: &mut Problems,
+    ) {
+        let Some(item) = self.land(answer.ticket) else {
+            return;
+        };
         let bytes = match answer.bytes {
             Ok(bytes) => bytes,
             Err(error) => {
@@ -112,7 +134,8 @@ impl Records {
             }
         };
         let what = name(item, btfs);
-        let checked = record_of(item, btfs).and_then(|record| Ok(index_of(item, btfs).verify(&what, record, &bytes)?));
+        let checked =
+            record_of(item, btfs).and_then(|record| Ok(index_of(item, btfs).verify(&what, record, &bytes)?));
         if let Err(error) = checked {
             counters.records_damaged += 1;
             let attempts = self.damaged.entry(item).or_default();
@@ -126,7 +149,10 @@ impl Records {
         self.damaged.remove(&item);
         self.store.put_record(item, bytes.clone());
         if self.wanted.contains(&item) {
-            self.pending.push_back(Waiting { pending: Pending::new(item, bytes), needs: None });
+            self.pending.push_back(Waiting {
+                pending: Pending::new(item, bytes),
+                needs: None,
+            });
         }
         // At once, before the store has to let the record go again.
         for at in 0..self.pending.len() {
@@ -141,16 +167,28 @@ impl Records {
     /// An item cannot be had: neither can what waits for it.
     fn give_up(&mut self, item: Item) {
         self.damaged.remove(&item);
-        let lost: Vec<_> = self.pending.iter().filter(|waiting| waiting.needs == Some(item)).collect();
-        let lost: Vec<_> = lost.iter().map(|waiting| waiting.pending.item).chain([item]).collect();
+        let lost: Vec<_> = self
+            .pending
+            .iter()
+            .filter(|waiting| waiting.needs == Some(item))
+            .collect();
+        let lost: Vec<_> = lost
+            .iter()
+            .map(|waiting| waiting.pending.item)
+            .chain([item])
+            .collect();
         self.pending.retain(|waiting| waiting.needs != Some(item));
-        self.failed.extend(lost.into_iter().filter(|item| self.wanted.remove(item)));
+        self.failed
+            .extend(lost.into_iter().filter(|item| self.wanted.remove(item)));
     }
 
     /// The parent of a pending page, if it can be had now; asks for what is missing otherwise.
     fn step(&mut self, at: usize, btfs: &[Btf], counters: &mut Counters, problems: &mut Problems) -> Parent {
         let waiting = &mut self.pending[at];
-        match waiting.pending.step(index_of(waiting.pending.item, btfs), &mut self.store) {
+        match waiting
+            .pending
+            .step(index_of(waiting.pending.item, btfs), &mut self.store)
+        {
             Ok(Step::Ready(parent)) => Parent::Ready(parent),
             Ok(Step::Needs(ancestor)) => {
                 let ancestor = Item::Page(material_of(waiting.pending.item), ancestor);
@@ -185,7 +223,9 @@ impl Records {
             }
             match self.step(at, btfs, counters, problems) {
                 Parent::Missing => at += 1,
-                Parent::Ready(parent) => batch.extend(self.pending.remove(at).map(|waiting| (waiting.pending, parent))),
+                Parent::Ready(parent) => {
+                    batch.extend(self.pending.remove(at).map(|waiting| (waiting.pending, parent)))
+                }
                 Parent::Broken => {
                     let broken = self.pending.remove(at).map(|waiting| waiting.pending.item);
                     self.failed.extend(broken.filter(|item| self.wanted.remove(item)));
@@ -247,8 +287,14 @@ enum Parent {
 
 type Batch = [(Pending, Option<std::sync::Arc<Page>>)];
 
-fn decode_one((pending, parent): &(Pending, Option<std::sync::Arc<Page>>), btfs: &[Btf]) -> (Item, Result<Decoded>) {
-    (pending.item, decode(index_of(pending.item, btfs), pending, parent.as_deref()))
+fn decode_one(
+    (pending, parent): &(Pending, Option<std::sync::Arc<Page>>),
+    btfs: &[Btf],
+) -> (Item, Result<Decoded>) {
+    (
+        pending.item,
+        decode(index_of(pending.item, btfs), pending, parent.as_deref()),
+    )
 }
 
 #[cfg(not(target_arch = "wasm32"))]

@@ -27,17 +27,23 @@ impl Window {
     /// A window for cells of `stride`² pixels and this many counters.
     pub(super) fn new(stride: u32, counters: u32) -> Self {
         let phases = vec![Phase::default(); (stride * stride) as usize];
-        Self { phases, next: 0, totals: vec![0; counters as usize] }
+        Self {
+            phases,
+            next: 0,
+            totals: vec![0; counters as usize],
+        }
     }
 
     /// The phase to ask for in a view, counted from 1; `None` if all have been. `pending` says that votes are on
     /// their way; without that, phases that were asked for and have not come were lost.
     pub(super) fn next(&mut self, view: u64, pending: bool) -> Option<u32> {
         let phases = self.phases.len();
-        let open = (self.next..self.next + phases).map(|phase| phase % phases).find(|&phase| {
-            let Phase { asked, counted, .. } = self.phases[phase];
-            if pending { asked != view } else { counted != view }
-        })?;
+        let open = (self.next..self.next + phases)
+            .map(|phase| phase % phases)
+            .find(|&phase| {
+                let Phase { asked, counted, .. } = self.phases[phase];
+                if pending { asked != view } else { counted != view }
+            })?;
         Some(open as u32)
     }
 
@@ -55,11 +61,18 @@ impl Window {
     /// Votes that have come back replace the older ones of their phase.
     pub(super) fn insert(&mut self, counted: Counted) {
         let phases = self.phases.len() as u64;
-        let (view, phase) = (counted.tag / phases, &mut self.phases[(counted.tag % phases) as usize]);
+        let (view, phase) = (
+            counted.tag / phases,
+            &mut self.phases[(counted.tag % phases) as usize],
+        );
         if view < phase.counted {
             return;
         }
-        let new = Phase { asked: phase.asked, counted: view, votes: counted.votes };
+        let new = Phase {
+            asked: phase.asked,
+            counted: view,
+            votes: counted.votes,
+        };
         let old = std::mem::replace(phase, new);
         for (counter, pixels) in old.votes {
             self.totals[counter as usize] -= pixels;
@@ -81,7 +94,11 @@ impl Window {
         for (material, (&base, end)) in (0..).map(MaterialId).zip(bases.iter().zip(ends)) {
             let totals = &self.totals[base as usize..end as usize];
             let wanted = (0..).zip(totals).filter(|&(_, &pixels)| pixels > 0);
-            votes.extend(wanted.map(|(tile, &pixels)| Vote { material, tile, pixels }));
+            votes.extend(wanted.map(|(tile, &pixels)| Vote {
+                material,
+                tile,
+                pixels,
+            }));
         }
         votes
     }
@@ -93,7 +110,10 @@ mod tests {
 
     fn answer(window: &mut Window, view: u64, phase: u32, votes: &[(u32, u32)]) {
         let tag = window.tag(view, phase);
-        window.insert(Counted { tag, votes: votes.to_vec() });
+        window.insert(Counted {
+            tag,
+            votes: votes.to_vec(),
+        });
     }
 
     #[test]
@@ -101,7 +121,11 @@ mod tests {
         let mut window = Window::new(2, 5);
         answer(&mut window, 1, 0, &[(0, 3), (4, 1)]);
         answer(&mut window, 1, 1, &[(4, 2)]);
-        let vote = |material, tile, pixels| Vote { material: MaterialId(material), tile, pixels };
+        let vote = |material, tile, pixels| Vote {
+            material: MaterialId(material),
+            tile,
+            pixels,
+        };
         assert_eq!(window.votes(&[0, 3]), [vote(0, 0, 3), vote(1, 1, 3)]);
         answer(&mut window, 2, 0, &[(1, 7)]);
         assert_eq!(window.votes(&[0, 3]), [vote(0, 1, 7), vote(1, 1, 2)]);

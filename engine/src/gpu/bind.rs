@@ -14,6 +14,8 @@ pub(super) enum Binding {
     Counters,
     /// Array of filtered textures.
     Layers,
+    /// Array of textures of words.
+    Words,
     /// Texels read one by one: floats, or unsigned integers.
     Floats,
     Integers,
@@ -24,7 +26,11 @@ pub(super) enum Binding {
 
 impl Binding {
     fn ty(self) -> wgpu::BindingType {
-        let buffer = |ty| wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None };
+        let buffer = |ty| wgpu::BindingType::Buffer {
+            ty,
+            has_dynamic_offset: false,
+            min_binding_size: None,
+        };
         let texture = |sample_type, view_dimension| wgpu::BindingType::Texture {
             sample_type,
             view_dimension,
@@ -34,12 +40,15 @@ impl Binding {
             Binding::Uniform => buffer(wgpu::BufferBindingType::Uniform),
             Binding::Storage => buffer(wgpu::BufferBindingType::Storage { read_only: true }),
             Binding::Counters => buffer(wgpu::BufferBindingType::Storage { read_only: false }),
-            Binding::Layers => {
-                texture(wgpu::TextureSampleType::Float { filterable: true }, wgpu::TextureViewDimension::D2Array)
-            }
-            Binding::Floats => {
-                texture(wgpu::TextureSampleType::Float { filterable: false }, wgpu::TextureViewDimension::D2)
-            }
+            Binding::Layers => texture(
+                wgpu::TextureSampleType::Float { filterable: true },
+                wgpu::TextureViewDimension::D2Array,
+            ),
+            Binding::Words => texture(wgpu::TextureSampleType::Uint, wgpu::TextureViewDimension::D2Array),
+            Binding::Floats => texture(
+                wgpu::TextureSampleType::Float { filterable: false },
+                wgpu::TextureViewDimension::D2,
+            ),
             Binding::Integers => texture(wgpu::TextureSampleType::Uint, wgpu::TextureViewDimension::D2),
             Binding::Sampler => wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering),
             Binding::Picture(format) => wgpu::BindingType::StorageTexture {
@@ -60,11 +69,19 @@ pub(super) fn layout(
 ) -> wgpu::BindGroupLayout {
     let entries: Vec<_> = (0..)
         .zip(bindings)
-        .map(|(binding, kind)| wgpu::BindGroupLayoutEntry { binding, visibility, ty: kind.ty(), count: None })
+        .map(|(binding, kind)| wgpu::BindGroupLayoutEntry {
+            binding,
+            visibility,
+            ty: kind.ty(),
+            count: None,
+        })
         .collect();
     context
         .device
-        .create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some(label), entries: &entries })
+        .create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+            label: Some(label),
+            entries: &entries,
+        })
 }
 
 /// A bind group with these resources at 0, 1, 2, …
@@ -76,16 +93,27 @@ pub(super) fn group(
 ) -> wgpu::BindGroup {
     let entries: Vec<_> = (0..)
         .zip(resources)
-        .map(|(binding, resource)| wgpu::BindGroupEntry { binding, resource: resource.clone() })
+        .map(|(binding, resource)| wgpu::BindGroupEntry {
+            binding,
+            resource: resource.clone(),
+        })
         .collect();
-    context.device.create_bind_group(&wgpu::BindGroupDescriptor { label: Some(label), layout, entries: &entries })
+    context.device.create_bind_group(&wgpu::BindGroupDescriptor {
+        label: Some(label),
+        layout,
+        entries: &entries,
+    })
 }
 
 /// A storage buffer with contents; of one element of zeros if there are none, since bindings cannot be empty.
 ///
 /// # Errors
 /// [`Error::Budget`] beyond what the adapter binds.
-pub(super) fn storage<T: bytemuck::Pod>(context: &Context, label: &str, contents: &[T]) -> Result<wgpu::Buffer> {
+pub(super) fn storage<T: bytemuck::Pod>(
+    context: &Context,
+    label: &str,
+    contents: &[T],
+) -> Result<wgpu::Buffer> {
     let empty = [T::zeroed()];
     let contents: &[u8] = bytemuck::cast_slice(if contents.is_empty() { &empty } else { contents });
     let limits = context.device.limits();
@@ -97,11 +125,13 @@ pub(super) fn storage<T: bytemuck::Pod>(context: &Context, label: &str, contents
             contents.len()
         )));
     }
-    Ok(context.device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
-        label: Some(label),
-        contents,
-        usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC,
-    }))
+    Ok(context
+        .device
+        .create_buffer_init(&wgpu::util::BufferInitDescriptor {
+            label: Some(label),
+            contents,
+            usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC,
+        }))
 }
 
 /// A compute pipeline of the shader of this name, whose entry point has the same name.
@@ -111,19 +141,23 @@ pub(super) fn compute(
     groups: &[&wgpu::BindGroupLayout],
 ) -> Result<wgpu::ComputePipeline> {
     let groups: Vec<_> = groups.iter().copied().map(Some).collect();
-    let layout = context.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-        label: Some(name),
-        bind_group_layouts: &groups,
-        immediate_size: 0,
-    });
-    Ok(context.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-        label: Some(name),
-        layout: Some(&layout),
-        module: &module(context, name)?,
-        entry_point: Some(name),
-        compilation_options: Default::default(),
-        cache: None,
-    }))
+    let layout = context
+        .device
+        .create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+            label: Some(name),
+            bind_group_layouts: &groups,
+            immediate_size: 0,
+        });
+    Ok(context
+        .device
+        .create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label: Some(name),
+            layout: Some(&layout),
+            module: &module(context, name)?,
+            entry_point: Some(name),
+            compilation_options: Default::default(),
+            cache: None,
+        }))
 }
 
 /// The module of a shader.
@@ -147,11 +181,17 @@ pub(super) fn dispatch(
     size: (u32, u32),
     timestamp_writes: Option<wgpu::ComputePassTimestampWrites<'_>>,
 ) {
-    let mut pass =
-        encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some(label), timestamp_writes });
+    let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
+        label: Some(label),
+        timestamp_writes,
+    });
     pass.set_pipeline(pipeline);
     for (index, group) in (0..).zip(groups) {
         pass.set_bind_group(index, group, &[]);
     }
-    pass.dispatch_workgroups(size.0.div_ceil(WORKGROUP_SIDE), size.1.div_ceil(WORKGROUP_SIDE), 1);
+    pass.dispatch_workgroups(
+        size.0.div_ceil(WORKGROUP_SIDE),
+        size.1.div_ceil(WORKGROUP_SIDE),
+        1,
+    );
 }

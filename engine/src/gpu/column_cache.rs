@@ -9,8 +9,13 @@ use tileset::Column;
 use crate::{Error, Result, gpu::Context, residency::Slot};
 
 /// Narrowest and widest layer, in texels; a power of two, so that shaders split an index by shift and mask.
-const MIN_WIDTH_SHIFT: u32 = 8;
+const MIN_WIDTH_SHIFT: u32 = 7;
 const MAX_WIDTH_SHIFT: u32 = 13;
+
+/// Bytes of one colour at one view and light: four components.
+const QUAD_BYTES: u64 = 8;
+/// Bytes of a texel: two of those.
+const TEXEL_BYTES: u64 = 16;
 
 /// How slots are laid out: each takes whole rows of a layer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -26,16 +31,23 @@ pub struct Rows {
 }
 
 impl Rows {
-    /// As many slots for columns of `texels` texels as `budget_bytes` hold; `None` if that is none.
-    pub fn new(texels: u64, budget_bytes: u64, max_side: u32, max_layers: u32) -> Option<Self> {
-        let texels = texels.max(1);
-        let width_shift =
-            (MIN_WIDTH_SHIFT..=MAX_WIDTH_SHIFT).find(|&shift| texels.div_ceil(1 << shift) <= u64::from(max_side))?;
+    /// As many slots for columns of `quads` times four half floats as `budget_bytes` hold; `None` if that is none.
+    pub fn new(quads: u64, budget_bytes: u64, max_side: u32, max_layers: u32) -> Option<Self> {
+        let texels = (quads * QUAD_BYTES).div_ceil(TEXEL_BYTES).max(1);
+        let width_shift = (MIN_WIDTH_SHIFT..=MAX_WIDTH_SHIFT)
+            .find(|&shift| texels.div_ceil(1 << shift) <= u64::from(max_side))?;
         let slot_rows = texels.div_ceil(1 << width_shift) as u32;
-        let slots = budget_bytes / (u64::from(slot_rows) << width_shift << 3);
-        let layer_slots = slots.div_ceil(max_layers.into()).clamp(1, (max_side / slot_rows).into()) as u32;
+        let slots = budget_bytes / ((u64::from(slot_rows) << width_shift) * TEXEL_BYTES);
+        let layer_slots = slots
+            .div_ceil(max_layers.into())
+            .clamp(1, (max_side / slot_rows).into()) as u32;
         let layers = (slots / u64::from(layer_slots)).min(max_layers.into()) as u32;
-        (layers > 0).then_some(Self { width_shift, slot_rows, layer_slots, layers })
+        (layers > 0).then_some(Self {
+            width_shift,
+            slot_rows,
+            layer_slots,
+            layers,
+        })
     }
 
     /// Slots in all.
@@ -45,12 +57,15 @@ impl Rows {
 
     /// Bytes of a slot.
     pub fn slot_bytes(self) -> u64 {
-        u64::from(self.slot_rows) << self.width_shift << 3
+        (u64::from(self.slot_rows) << self.width_shift) * TEXEL_BYTES
     }
 
     /// Layer and first row of a slot.
     pub fn place(self, slot: Slot) -> (u32, u32) {
-        (slot.0 / self.layer_slots, slot.0 % self.layer_slots * self.slot_rows)
+        (
+            slot.0 / self.layer_slots,
+            slot.0 % self.layer_slots * self.slot_rows,
+        )
     }
 
     /// The same, as an entry of the page table names them.
@@ -70,34 +85,48 @@ pub(super) struct ColumnCache {
 impl ColumnCache {
     /// # Errors
     /// [`Error::Budget`] if there is no room for one column.
-    pub(super) fn new(context: &Context, texels: u64, budget_bytes: u64) -> Result<Self> {
+    pub(super) fn new(context: &Context, quads: u64, budget_bytes: u64) -> Result<Self> {
         let limits = context.device.limits();
-        let rows = Rows::new(texels, budget_bytes, limits.max_texture_dimension_2d, limits.max_texture_array_layers)
-            .ok_or_else(|| {
-                Error::Budget(format!(
-                    "a column cache of {budget_bytes} bytes has no room for one column of {texels} texels of 8 bytes"
-                ))
-            })?;
+        let rows = Rows::new(
+            quads,
+            budget_bytes,
+            limits.max_texture_dimension_2d,
+            limits.max_texture_array_layers,
+        )
+        .ok_or_else(|| {
+            Error::Budget(format!(
+                "a column cache of {budget_bytes} bytes has no room for one column of {} bytes",
+                quads * QUAD_BYTES
+            ))
+        })?;
         let texture = super::targets::layers(
             context,
             "column cache",
-            (1 << rows.width_shift, rows.slot_rows * rows.layer_slots, rows.layers),
+            super::targets::COLUMNS,
+            (
+                1 << rows.width_shift,
+                rows.slot_rows * rows.layer_slots,
+                rows.layers,
+            ),
         );
         let view = super::targets::layers_view(&texture);
         Ok(Self { rows, texture, view })
     }
 
-    /// Writes texels as [`with_ambient`] makes them.
-    pub(super) fn write(&self, context: &Context, slot: Slot, mut texels: Vec<[f16; 4]>) {
+    /// Writes a column as [`with_ambient`] makes it.
+    pub(super) fn write(&self, context: &Context, slot: Slot, mut quads: Vec<[f16; 4]>) {
         let (layer, row) = self.rows.place(slot);
-        let width = 1u32 << self.rows.width_shift;
-        texels.resize((self.rows.slot_rows * width) as usize, [f16::ZERO; 4]);
+        quads.resize((self.rows.slot_bytes() / QUAD_BYTES) as usize, [f16::ZERO; 4]);
         super::targets::write(
             context,
             &self.texture,
-            wgpu::Origin3d { x: 0, y: row, z: layer },
-            (width, self.rows.slot_rows),
-            bytemuck::cast_slice(&texels),
+            wgpu::Origin3d {
+                x: 0,
+                y: row,
+                z: layer,
+            },
+            (1 << self.rows.width_shift, self.rows.slot_rows),
+            bytemuck::cast_slice(&quads),
         );
     }
 
@@ -131,16 +160,18 @@ mod tests {
 
     #[test]
     fn slots_fit_the_budget_and_the_limits() {
-        for texels in [1, 255, 12 * 3, 81 * 82 * 3, 151 * 152 * 3, 4096 * 4097 * 3] {
-            let bytes = Rows::new(texels, u64::MAX / 2, 8192, 256).unwrap().slot_bytes();
-            assert!(bytes >= texels * 8 && bytes < texels * 8 + (8 << 13));
-            assert_eq!(Rows::new(texels, bytes - 1, 8192, 256), None);
+        for quads in [1, 255, 12 * 3, 81 * 82 * 3, 151 * 152 * 3, 4096 * 4097 * 3] {
+            let bytes = Rows::new(quads, u64::MAX / 2, 8192, 256).unwrap().slot_bytes();
+            assert!(bytes >= quads * 8 && bytes < quads * 8 + (16 << 13));
+            assert_eq!(Rows::new(quads, bytes - 1, 8192, 256), None);
             for slots in [1, 2, 255, 256, 257, 1000] {
-                let rows = Rows::new(texels, bytes * slots, 8192, 256).unwrap();
+                let rows = Rows::new(quads, bytes * slots, 8192, 256).unwrap();
                 assert!(u64::from(rows.slots()) <= slots && rows.layers <= 256);
                 assert!(rows.slot_rows * rows.layer_slots <= 8192);
                 let (layer, row) = rows.place(Slot(rows.slots() - 1));
-                assert!(layer == rows.layers - 1 && row + rows.slot_rows == rows.slot_rows * rows.layer_slots);
+                assert!(
+                    layer == rows.layers - 1 && row + rows.slot_rows == rows.slot_rows * rows.layer_slots
+                );
             }
         }
     }

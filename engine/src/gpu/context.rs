@@ -23,8 +23,7 @@ impl Context {
     /// [`Error::Adapter`] if there is none, saying what to install.
     #[cfg(not(target_arch = "wasm32"))]
     pub fn headless() -> Result<Self> {
-        let instance =
-            wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle_from_env());
+        let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle_from_env());
         pollster::block_on(Self::new(&instance, None))
     }
 
@@ -55,10 +54,15 @@ impl Context {
             .map_err(|error| Error::Adapter(format!("{}: {error}", adapter.get_info().name)))?;
         let fault = Arc::new(Mutex::new(None));
         let keep = |fault: &Mutex<Option<String>>, message: String| {
-            fault.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(message);
+            fault
+                .lock()
+                .unwrap_or_else(PoisonError::into_inner)
+                .get_or_insert(message);
         };
         let errors = fault.clone();
-        device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| keep(&errors, error.to_string())));
+        device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| {
+            keep(&errors, error.to_string())
+        }));
         let losses = fault.clone();
         device.set_device_lost_callback(move |reason, message| {
             // Dropping the device is no loss.
@@ -72,7 +76,10 @@ impl Context {
     /// Name of the adapter and its driver.
     pub fn adapter(&self) -> String {
         let info = self.device.adapter_info();
-        format!("{} ({} {}, {})", info.name, info.driver, info.driver_info, info.backend)
+        format!(
+            "{} ({} {}, {})",
+            info.name, info.driver, info.driver_info, info.backend
+        )
     }
 
     /// Whether passes can be timed.
@@ -90,7 +97,9 @@ impl Context {
 
     /// Waits for all submitted work. Returns at once in browsers, where nothing may wait.
     pub(crate) fn wait(&self) -> Result<()> {
-        self.device.poll(wgpu::PollType::wait_indefinitely()).map_err(|error| Error::Adapter(error.to_string()))?;
+        self.device
+            .poll(wgpu::PollType::wait_indefinitely())
+            .map_err(|error| Error::Adapter(error.to_string()))?;
         self.check()
     }
 }

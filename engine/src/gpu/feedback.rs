@@ -2,9 +2,19 @@
 //!
 //! Source: Schwartz, Ruiters, Klein 2013, sections 3 and 5.2.
 
-use std::sync::{Arc, atomic::{AtomicU8, Ordering}};
+use std::sync::{
+    Arc,
+    atomic::{AtomicU8, Ordering},
+};
 
-use crate::{Result, gpu::{Context, bind::{self, Binding}, targets::Targets}};
+use crate::{
+    Result,
+    gpu::{
+        Context,
+        bind::{self, Binding},
+        targets::Targets,
+    },
+};
 
 /// Votes that may be on their way back at once; further ones are not asked for.
 const RING: usize = 3;
@@ -39,7 +49,11 @@ pub(super) struct Feedback {
 }
 
 impl Feedback {
-    pub(super) fn new(context: &Context, scene: &wgpu::BindGroupLayout, caches: &wgpu::BindGroupLayout) -> Result<Self> {
+    pub(super) fn new(
+        context: &Context,
+        scene: &wgpu::BindGroupLayout,
+        caches: &wgpu::BindGroupLayout,
+    ) -> Result<Self> {
         let layout = bind::layout(
             context,
             "feedback",
@@ -48,7 +62,12 @@ impl Feedback {
         );
         let pipeline = bind::compute(context, "feedback", &[scene, caches, &layout])?;
         let (counters, ring) = (counters(context, 0)?, Vec::new());
-        Ok(Self { pipeline, layout, counters, ring })
+        Ok(Self {
+            pipeline,
+            layout,
+            counters,
+            ring,
+        })
     }
 
     /// Makes room for this many counters. Votes on their way back are forgotten.
@@ -71,12 +90,19 @@ impl Feedback {
 
     pub(super) fn bind(&self, context: &Context, targets: &Targets) -> wgpu::BindGroup {
         let visibility = wgpu::BindingResource::TextureView(&targets.visibility.view);
-        bind::group(context, "feedback", &self.layout, &[visibility, self.counters.as_entire_binding()])
+        bind::group(
+            context,
+            "feedback",
+            &self.layout,
+            &[visibility, self.counters.as_entire_binding()],
+        )
     }
 
     /// A staging buffer that is free.
     pub(super) fn free(&self) -> Option<usize> {
-        self.ring.iter().position(|staging| staging.state.load(Ordering::Acquire) == FREE)
+        self.ring
+            .iter()
+            .position(|staging| staging.state.load(Ordering::Acquire) == FREE)
     }
 
     /// Counts, and copies to a free staging buffer. `size` is that of the picture in feedback cells.
@@ -89,13 +115,30 @@ impl Feedback {
         timestamp_writes: Option<wgpu::ComputePassTimestampWrites<'_>>,
     ) {
         encoder.clear_buffer(&self.counters, 0, None);
-        bind::dispatch(encoder, "feedback", &self.pipeline, groups, size, timestamp_writes);
-        encoder.copy_buffer_to_buffer(&self.counters, 0, &self.ring[staging].buffer, 0, self.counters.size());
+        bind::dispatch(
+            encoder,
+            "feedback",
+            &self.pipeline,
+            groups,
+            size,
+            timestamp_writes,
+        );
+        encoder.copy_buffer_to_buffer(
+            &self.counters,
+            0,
+            &self.ring[staging].buffer,
+            0,
+            self.counters.size(),
+        );
     }
 
     /// After submission: asks for the counts.
     pub(super) fn map(&mut self, staging: usize, tag: u64) {
-        let Staging { buffer, state, tag: kept } = &mut self.ring[staging];
+        let Staging {
+            buffer,
+            state,
+            tag: kept,
+        } = &mut self.ring[staging];
         *kept = tag;
         state.store(PENDING, Ordering::Release);
         let state = state.clone();
@@ -106,7 +149,9 @@ impl Feedback {
 
     /// Whether votes are on their way.
     pub(super) fn pending(&self) -> bool {
-        self.ring.iter().any(|staging| staging.state.load(Ordering::Acquire) == PENDING)
+        self.ring
+            .iter()
+            .any(|staging| staging.state.load(Ordering::Acquire) == PENDING)
     }
 
     /// All votes that have arrived, the oldest tag first. Lost ones are forgotten.
@@ -117,8 +162,14 @@ impl Feedback {
                 READY => {
                     if let Ok(bytes) = staging.buffer.get_mapped_range(..) {
                         let counts: &[u32] = bytemuck::cast_slice(&bytes);
-                        let votes = (0..).zip(counts.iter().copied()).filter(|&(_, count)| count > 0).collect();
-                        all.push(Counted { tag: staging.tag, votes });
+                        let votes = (0..)
+                            .zip(counts.iter().copied())
+                            .filter(|&(_, count)| count > 0)
+                            .collect();
+                        all.push(Counted {
+                            tag: staging.tag,
+                            votes,
+                        });
                     }
                     staging.buffer.unmap();
                 }

@@ -4,7 +4,10 @@ use glam::{Mat3A, Vec3A};
 use scenes::{Light, Scene};
 use shaders::mirror;
 
-use crate::{Error, Result, gpu::{Context, bind}};
+use crate::{
+    Error, Result,
+    gpu::{Context, bind},
+};
 
 /// The scene's buffers, and what to draw.
 pub(super) struct Geometry {
@@ -36,14 +39,22 @@ impl Geometry {
             }));
             indices.extend(&mesh.indices);
         }
-        let instances: Vec<_> = scene.instances.iter().map(|placed| instance(scene, placed, first[placed.mesh])).collect();
+        let instances: Vec<_> = scene
+            .instances
+            .iter()
+            .map(|placed| instance(scene, placed, first[placed.mesh]))
+            .collect();
         let lights: Vec<_> = scene.lights.iter().map(light).collect();
         Ok(Self {
             vertices: bind::storage(context, "vertices", &vertices)?,
             indices: bind::storage(context, "indices", &indices)?,
             instances: bind::storage(context, "instances", &instances)?,
             lights: bind::storage(context, "lights", &lights)?,
-            draws: scene.instances.iter().map(|placed| scene.meshes[placed.mesh].indices.len() as u32).collect(),
+            draws: scene
+                .instances
+                .iter()
+                .map(|placed| scene.meshes[placed.mesh].indices.len() as u32)
+                .collect(),
         })
     }
 
@@ -52,13 +63,21 @@ impl Geometry {
     }
 }
 
-fn instance(scene: &Scene, placed: &scenes::Instance, (first_vertex, first_index): (u32, u32)) -> mirror::Instance {
+fn instance(
+    scene: &Scene,
+    placed: &scenes::Instance,
+    (first_vertex, first_index): (u32, u32),
+) -> mirror::Instance {
     let linear = placed.world_from_mesh.matrix3;
     let rows = linear.transpose();
     let translation = placed.world_from_mesh.translation;
     let determinant = linear.determinant();
     // A flat instance has no normals of its own: its surfaces keep those of the mesh.
-    let inverse = if determinant.is_normal() { linear.inverse() } else { Mat3A::IDENTITY };
+    let inverse = if determinant.is_normal() {
+        linear.inverse()
+    } else {
+        Mat3A::IDENTITY
+    };
     let row = |axis: Vec3A, offset: f32| axis.extend(offset);
     mirror::Instance {
         world_from_mesh_x: row(rows.x_axis, translation.x),
@@ -79,7 +98,12 @@ fn light(light: &Light) -> mirror::Light {
         Light::Directional { to_light, irradiance } => (to_light, mirror::DIRECTIONAL, irradiance),
         Light::Point { position, intensity } => (position, mirror::POINT, intensity),
     };
-    mirror::Light { vector, kind, intensity, pad: 0 }
+    mirror::Light {
+        vector,
+        kind,
+        intensity,
+        pad: 0,
+    }
 }
 
 fn check(scene: &Scene) -> Result<()> {
@@ -99,20 +123,33 @@ fn check(scene: &Scene) -> Result<()> {
             return wrong(format!("mesh {i} has an index {index}, but {count} vertices"));
         }
         if !mesh.indices.len().is_multiple_of(3) {
-            return wrong(format!("mesh {i} has {} indices, which is no multiple of three", mesh.indices.len()));
+            return wrong(format!(
+                "mesh {i} has {} indices, which is no multiple of three",
+                mesh.indices.len()
+            ));
         }
         if mesh.material >= scene.materials.len() {
-            return wrong(format!("mesh {i} names material {}, but there are {}", mesh.material, scene.materials.len()));
+            return wrong(format!(
+                "mesh {i} names material {}, but there are {}",
+                mesh.material,
+                scene.materials.len()
+            ));
         }
         vertices += count as u64;
         indices += mesh.indices.len() as u64;
     }
     if vertices.max(indices) >= u64::from(u32::MAX) {
-        return wrong(format!("{vertices} vertices and {indices} indices are more than 32 bits can name"));
+        return wrong(format!(
+            "{vertices} vertices and {indices} indices are more than 32 bits can name"
+        ));
     }
     for (i, placed) in scene.instances.iter().enumerate() {
         if placed.mesh >= scene.meshes.len() {
-            return wrong(format!("instance {i} names mesh {}, but there are {}", placed.mesh, scene.meshes.len()));
+            return wrong(format!(
+                "instance {i} names mesh {}, but there are {}",
+                placed.mesh,
+                scene.meshes.len()
+            ));
         }
         if !placed.world_from_mesh.is_finite() {
             return wrong(format!("instance {i} has a placement that is not finite"));

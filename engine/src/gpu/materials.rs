@@ -25,10 +25,21 @@ pub struct Btf {
 impl Btf {
     /// Prepares the directions of an archive.
     pub fn new(archive: std::sync::Arc<str>, index: Index) -> Self {
-        let Manifest { views, lights, cosine, .. } = &index.manifest;
+        let Manifest {
+            views,
+            lights,
+            cosine,
+            ..
+        } = &index.manifest;
         let triangulated_lights = Triangulation::new(lights);
         let ambient_weights = triangulated_lights.ambient_weights(lights, *cosine);
-        Self { archive, views: Triangulation::new(views), lights: triangulated_lights, ambient_weights, index }
+        Self {
+            archive,
+            views: Triangulation::new(views),
+            lights: triangulated_lights,
+            ambient_weights,
+            index,
+        }
     }
 
     /// Component groups.
@@ -41,8 +52,8 @@ impl Btf {
         &self.index.pyramid
     }
 
-    /// Texels of a column in the cache: views × (lights and the ambient light) × 3.
-    pub fn column_texels(&self) -> u64 {
+    /// Four half floats each of a column in the cache: views × (lights and the ambient light) × 3.
+    pub fn column_quads(&self) -> u64 {
         let Manifest { views, lights, .. } = &self.index.manifest;
         views.len() as u64 * (lights.len() as u64 + 1) * 3
     }
@@ -82,12 +93,18 @@ pub fn pack(materials: &[Material], btfs: &[Btf], btf_of: &[Option<usize>], unkn
     let mut templates = Vec::with_capacity(btfs.len());
     let (mut entries, mut votes) = (0u64, 0u64);
     for btf in btfs {
-        let bases = Bases { page_table: entries as u32, votes: votes as u32 };
+        let bases = Bases {
+            page_table: entries as u32,
+            votes: votes as u32,
+        };
         let tiles = u64::from(btf.pyramid().tile_count());
         entries += (tiles + 1) * u64::from(btf.groups());
         votes += tiles;
         if entries.max(votes) > u64::from(u32::MAX) {
-            return Err(Error::Budget(format!("the pages of {} and others are more than 32 bits can count", btf.archive)));
+            return Err(Error::Budget(format!(
+                "the pages of {} and others are more than 32 bits can count",
+                btf.archive
+            )));
         }
         templates.push(template(btf, bases, &mut tables.directions));
         tables.bases.push(bases);
@@ -96,7 +113,9 @@ pub fn pack(materials: &[Material], btfs: &[Btf], btf_of: &[Option<usize>], unkn
     for (material, btf) in materials.iter().zip(btf_of) {
         let mut packed = btf.map(|btf| templates[btf]).unwrap_or_default();
         match &material.surface {
-            Surface::Btf { uv_scale, uv_offset, .. } => {
+            Surface::Btf {
+                uv_scale, uv_offset, ..
+            } => {
                 (packed.uv_scale, packed.uv_offset) = (*uv_scale, *uv_offset);
                 if btf.is_none() {
                     packed.albedo = unknown;
@@ -122,7 +141,8 @@ fn template(btf: &Btf, bases: Bases, directions: &mut Vec<u32>) -> mirror::Mater
         groups: u32::from(btf.groups()),
         page_table: bases.page_table,
         votes: bases.votes,
-        flags: u32::from(manifest.wrap) * mirror::REPEATS + u32::from(manifest.cosine) * mirror::INCLUDES_COSINE,
+        flags: u32::from(manifest.wrap) * mirror::REPEATS
+            + u32::from(manifest.cosine) * mirror::INCLUDES_COSINE,
         mip_count: pyramid.mip_count().into(),
         tail_mip: pyramid.tail_mip().into(),
         lights: manifest.lights.len() as u32,
@@ -135,7 +155,11 @@ fn template(btf: &Btf, bases: Bases, directions: &mut Vec<u32>) -> mirror::Mater
 
 fn mip(pyramid: &Pyramid, mip: u8) -> mirror::Mip {
     let tail = pyramid.tail_mip();
-    let tile = if mip >= tail { pyramid.root() } else { tileset::Tile { mip, x: 0, y: 0 } };
+    let tile = if mip >= tail {
+        pyramid.root()
+    } else {
+        tileset::Tile { mip, x: 0, y: 0 }
+    };
     let (width, height) = pyramid.mip_size(mip);
     let (x, y) = pyramid.payload_origin(tile, mip);
     let (columns, rows) = pyramid.grid(mip);
@@ -150,9 +174,21 @@ fn mip(pyramid: &Pyramid, mip: u8) -> mirror::Mip {
 
 fn pack_directions(triangulation: &Triangulation, words: &mut Vec<u32>) -> mirror::Triangulation {
     let points = words.len() as u32;
-    words.extend(triangulation.points.iter().flatten().map(|&coordinate| (coordinate as f32).to_bits()));
+    words.extend(
+        triangulation
+            .points
+            .iter()
+            .flatten()
+            .map(|&coordinate| (coordinate as f32).to_bits()),
+    );
     let triangles = words.len() as u32;
-    words.extend(triangulation.triangles.iter().flat_map(|triangle| [triangle.vertices, triangle.neighbours]).flatten());
+    words.extend(
+        triangulation
+            .triangles
+            .iter()
+            .flat_map(|triangle| [triangle.vertices, triangle.neighbours])
+            .flatten(),
+    );
     let hull = words.len() as u32;
     words.extend(triangulation.hull.iter().flatten());
     let start = words.len() as u32;

@@ -18,6 +18,7 @@ pub mod page_cache;
 pub mod page_table;
 mod readback;
 mod renderer;
+mod resources;
 pub mod shade;
 mod targets;
 mod timers;
@@ -26,5 +27,6 @@ mod view;
 pub mod visibility;
 
 pub use context::Context;
-pub use renderer::{Ask, Caches, Renderer};
+pub use renderer::{Ask, Renderer};
+pub use resources::Caches;
 pub use timers::GpuMilliseconds;

@@ -32,12 +32,18 @@ impl Grid {
         let most = u64::from(max_side).pow(2) * u64::from(max_layers);
         let slots = slots.min(most);
         let least_side = if slots >= 64 * 128 { 8 } else { 1 };
-        let large_side = ((slots.div_ceil(max_layers.into()) as f64).sqrt().ceil() as u32).max(16).min(max_side);
+        let large_side = ((slots.div_ceil(max_layers.into()) as f64).sqrt().ceil() as u32)
+            .max(16)
+            .min(max_side);
         let mut best: Option<Grid> = None;
         for rows in least_side.min(large_side)..=large_side {
             for columns in rows..=large_side {
                 let layers = (slots / u64::from(rows * columns)).min(max_layers.into()) as u32;
-                let grid = Grid { columns, rows, layers };
+                let grid = Grid {
+                    columns,
+                    rows,
+                    layers,
+                };
                 if layers > 0 && best.is_none_or(|best| best.slots() <= grid.slots()) {
                     best = Some(grid);
                 }
@@ -53,7 +59,10 @@ impl Grid {
 
     /// Layer, row and column of a slot, as an entry of the page table names them.
     pub fn address(self, slot: Slot) -> u32 {
-        let (layer, place) = (slot.0 / (self.columns * self.rows), slot.0 % (self.columns * self.rows));
+        let (layer, place) = (
+            slot.0 / (self.columns * self.rows),
+            slot.0 % (self.columns * self.rows),
+        );
         (layer << 16) | ((place / self.columns) << 8) | (place % self.columns)
     }
 }
@@ -74,12 +83,20 @@ impl PageCache {
     pub(super) fn new(context: &Context, budget_bytes: u64) -> Result<Self> {
         let limits = context.device.limits();
         let slots = budget_bytes / SLOT_BYTES;
-        let grid = Grid::new(slots, limits.max_texture_dimension_2d, limits.max_texture_array_layers).ok_or_else(|| {
-            Error::Budget(format!("a page cache of {budget_bytes} bytes has no room for one page of {SLOT_BYTES} bytes"))
+        let grid = Grid::new(
+            slots,
+            limits.max_texture_dimension_2d,
+            limits.max_texture_array_layers,
+        )
+        .ok_or_else(|| {
+            Error::Budget(format!(
+                "a page cache of {budget_bytes} bytes has no room for one page of {SLOT_BYTES} bytes"
+            ))
         })?;
         let texture = super::targets::layers(
             context,
             "page cache",
+            super::targets::PAGES,
             (grid.columns * SLOT_TEXELS, grid.rows * SLOT_TEXELS, grid.layers),
         );
         let view = super::targets::layers_view(&texture);
@@ -89,13 +106,22 @@ impl PageCache {
             min_filter: wgpu::FilterMode::Linear,
             ..Default::default()
         });
-        Ok(Self { grid, texture, view, sampler })
+        Ok(Self {
+            grid,
+            texture,
+            view,
+            sampler,
+        })
     }
 
     pub(super) fn write(&self, context: &Context, slot: Slot, page: &Page) {
         let Grid { columns, rows, .. } = self.grid;
         let (layer, place) = (slot.0 / (columns * rows), slot.0 % (columns * rows));
-        let origin = wgpu::Origin3d { x: place % columns * SLOT_TEXELS, y: place / columns * SLOT_TEXELS, z: layer };
+        let origin = wgpu::Origin3d {
+            x: place % columns * SLOT_TEXELS,
+            y: place / columns * SLOT_TEXELS,
+            z: layer,
+        };
         super::targets::write(
             context,
             &self.texture,
@@ -126,14 +152,20 @@ mod tests {
             let grid = Grid::new(slots, 8192, 256).unwrap();
             assert!(u64::from(grid.slots()) <= slots, "{slots} {grid:?}");
             assert!(u64::from(grid.slots()) * 100 >= slots * 99, "{slots} {grid:?}");
-            assert!(grid.columns * SLOT_TEXELS <= 8192 && grid.rows * SLOT_TEXELS <= 8192 && grid.layers <= 256);
+            assert!(
+                grid.columns * SLOT_TEXELS <= 8192 && grid.rows * SLOT_TEXELS <= 8192 && grid.layers <= 256
+            );
         }
         assert_eq!(Grid::new(u64::MAX, 8192, 256).unwrap().slots(), 113 * 113 * 256);
     }
 
     #[test]
     fn addresses_name_every_slot_once() {
-        let grid = Grid { columns: 3, rows: 2, layers: 4 };
+        let grid = Grid {
+            columns: 3,
+            rows: 2,
+            layers: 4,
+        };
         let mut addresses: Vec<_> = (0..grid.slots()).map(|slot| grid.address(Slot(slot))).collect();
         assert_eq!(addresses[0], 0);
         assert_eq!(addresses[5], 1 << 8 | 2);

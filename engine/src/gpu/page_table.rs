@@ -35,7 +35,11 @@ impl PageTable {
     /// A table in which nothing is resident.
     pub fn new(entries: u32, regions: Vec<Region>) -> Self {
         let entries = vec![NONE; entries as usize];
-        Self { changed: vec![false; entries.len().div_ceil(CHUNK)], entries, regions }
+        Self {
+            changed: vec![false; entries.len().div_ceil(CHUNK)],
+            entries,
+            regions,
+        }
     }
 
     /// All entries.
@@ -52,15 +56,22 @@ impl PageTable {
     /// Enters a page: its tile and all below it that have no finer page show it.
     pub fn insert(&mut self, btf: usize, page: PageId, address: u32) {
         let mip = u32::from(page.tile.mip);
-        self.replace(btf, page, mip << MIP_SHIFT | address, |entry| entry == NONE || entry >> MIP_SHIFT >= mip);
+        self.replace(btf, page, mip << MIP_SHIFT | address, |entry| {
+            entry == NONE || entry >> MIP_SHIFT >= mip
+        });
     }
 
     /// Takes a page out: whatever showed it shows its parent's entry.
     pub fn remove(&mut self, btf: usize, page: PageId) {
         let region = self.regions[btf];
-        let parent = region.pyramid.parent(page.tile).map_or(NONE, |tile| self.entries[region.entry(page.group, tile)]);
+        let parent = region
+            .pyramid
+            .parent(page.tile)
+            .map_or(NONE, |tile| self.entries[region.entry(page.group, tile)]);
         let mip = u32::from(page.tile.mip);
-        self.replace(btf, page, parent, |entry| entry != NONE && entry >> MIP_SHIFT == mip);
+        self.replace(btf, page, parent, |entry| {
+            entry != NONE && entry >> MIP_SHIFT == mip
+        });
     }
 
     /// Replaces the entries of a page's subtree that `applies` accepts.
@@ -75,7 +86,14 @@ impl PageTable {
             };
             for y in range(page.tile.y, rows) {
                 for x in range(page.tile.x, columns) {
-                    let entry = region.entry(page.group, Tile { mip, x: x as u16, y: y as u16 });
+                    let entry = region.entry(
+                        page.group,
+                        Tile {
+                            mip,
+                            x: x as u16,
+                            y: y as u16,
+                        },
+                    );
                     if applies(self.entries[entry]) {
                         self.set(entry, new);
                     }
@@ -100,7 +118,10 @@ impl PageTable {
                 chunk += 1;
             }
             if first < chunk {
-                write(first * CHUNK, &self.entries[first * CHUNK..(chunk * CHUNK).min(self.entries.len())]);
+                write(
+                    first * CHUNK,
+                    &self.entries[first * CHUNK..(chunk * CHUNK).min(self.entries.len())],
+                );
             }
             chunk += 1;
         }
@@ -128,7 +149,11 @@ mod tests {
 
     fn table(pyramid: Pyramid) -> PageTable {
         let entries = u32::from(GROUPS) * (pyramid.tile_count() + 1);
-        let region = |base| Region { base, groups: GROUPS, pyramid };
+        let region = |base| Region {
+            base,
+            groups: GROUPS,
+            pyramid,
+        };
         PageTable::new(2 * entries, vec![region(0), region(entries)])
     }
 

@@ -1,6 +1,9 @@
 //! Reading textures back, for programs that may wait.
 
-use crate::{Error, Result, gpu::{Context, targets::Target}};
+use crate::{
+    Error, Result,
+    gpu::{Context, targets::Target},
+};
 
 /// All texels of a texture, row by row without padding. Waits for the GPU; not in browsers.
 ///
@@ -22,7 +25,11 @@ pub(super) fn texels(context: &Context, target: &Target) -> Result<Vec<u8>> {
         target.texture.as_image_copy(),
         wgpu::TexelCopyBufferInfo {
             buffer: &buffer,
-            layout: wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(pitch), rows_per_image: None },
+            layout: wgpu::TexelCopyBufferLayout {
+                offset: 0,
+                bytes_per_row: Some(pitch),
+                rows_per_image: None,
+            },
         },
         target.texture.size(),
     );
@@ -30,6 +37,12 @@ pub(super) fn texels(context: &Context, target: &Target) -> Result<Vec<u8>> {
     // The result is told by get_mapped_range.
     buffer.map_async(wgpu::MapMode::Read, .., |_| {});
     context.wait()?;
-    let mapped = buffer.get_mapped_range(..).map_err(|error| Error::Adapter(error.to_string()))?;
-    Ok(mapped.chunks_exact(pitch as usize).flat_map(|row| &row[..row_bytes as usize]).copied().collect())
+    let mapped = buffer
+        .get_mapped_range(..)
+        .map_err(|error| Error::Adapter(error.to_string()))?;
+    Ok(mapped
+        .chunks_exact(pitch as usize)
+        .flat_map(|row| &row[..row_bytes as usize])
+        .copied()
+        .collect())
 }

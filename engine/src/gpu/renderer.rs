@@ -1,39 +1,23 @@
-//! Everything on the GPU: buffers, caches, passes, and the order in which they are used.
+//! The GPU side of one scene: in which order buffers, caches and passes are used.
 
-use glam::Vec3;
 use scenes::{Camera, Scene};
 use shaders::mirror;
 use tileset::{Column, Page, PageId};
 
 use super::{
-    bind::{self, Binding},
-    column_cache::{ColumnCache, with_ambient},
-    feedback::{Counted, Feedback},
+    column_cache::with_ambient,
+    context::Context,
+    feedback::Counted,
     geometry::Geometry,
-    materials::{self, Bases, Btf},
-    page_cache::PageCache,
-    page_table::{PageTable, Region},
+    materials::Btf,
+    page_cache::SLOT_BYTES,
     readback,
-    shade::Shade,
+    resources::{Caches, Groups, Materials, Passes},
     targets::Targets,
     timers::{GpuMilliseconds, Pass, Timers},
-    tonemap::Tonemap,
     view,
-    visibility::Visibility,
 };
-use crate::{Error, Result, gpu::Context, metrics::Picture, residency::Slot};
-
-/// Reflectance of BTFs whose archives are not known yet.
-const UNKNOWN: Vec3 = Vec3::splat(0.18);
-
-/// Budgets of the caches.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Caches {
-    /// Bytes of the page cache.
-    pub page_bytes: u64,
-    /// Bytes of the column cache.
-    pub column_bytes: u64,
-}
+use crate::{Error, Result, metrics::Picture, residency::Slot};
 
 /// What the feedback of a frame is to do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -60,35 +44,6 @@ pub struct Renderer {
     timers: Option<Timers>,
 }
 
-struct Passes {
-    scene: wgpu::BindGroupLayout,
-    caches: wgpu::BindGroupLayout,
-    visibility: Visibility,
-    feedback: Feedback,
-    shade: Shade,
-    tonemap: Tonemap,
-}
-
-/// What depends on the BTFs that are known.
-struct Materials {
-    table: wgpu::Buffer,
-    directions: wgpu::Buffer,
-    bases: Vec<Bases>,
-    ambient_weights: Vec<Vec<f64>>,
-    page_table: PageTable,
-    page_table_buffer: wgpu::Buffer,
-    pages: PageCache,
-    columns: ColumnCache,
-}
-
-struct Groups {
-    scene: wgpu::BindGroup,
-    caches: wgpu::BindGroup,
-    feedback: wgpu::BindGroup,
-    shade: wgpu::BindGroup,
-    tonemap: wgpu::BindGroup,
-}
-
 impl Renderer {
     /// A renderer whose BTF materials are all unknown.
     ///
@@ -106,12 +61,32 @@ impl Renderer {
         let passes = Passes::new(&context)?;
         let targets = Targets::new(&context, size)?;
         let scene_materials = scene.materials.clone();
-        let nothing = Caches { page_bytes: super::page_cache::SLOT_BYTES, column_bytes: 1 << 16 };
-        let materials = Materials::new(&context, &scene_materials, &[], &vec![None; scene_materials.len()], nothing)?;
+        let nothing = Caches {
+            page_bytes: SLOT_BYTES,
+            column_bytes: 1 << 16,
+        };
+        let materials = Materials::new(
+            &context,
+            &scene_materials,
+            &[],
+            &vec![None; scene_materials.len()],
+            nothing,
+        )?;
         let groups = Groups::new(&context, &passes, &targets, &geometry, &materials, &frame_buffer);
         let timers = Timers::new(&context);
         context.check()?;
-        Ok(Self { context, scene_materials, geometry, frame, frame_buffer, passes, targets, materials, groups, timers })
+        Ok(Self {
+            context,
+            scene_materials,
+            geometry,
+            frame,
+            frame_buffer,
+            passes,
+            targets,
+            materials,
+            groups,
+            timers,
+        })
     }
 
     /// Makes tables and caches for these BTFs; `btf_of` names for each material of the scene its BTF. Whatever was
@@ -154,7 +129,10 @@ impl Renderer {
 
     /// Slots of the page cache and of the column cache.
     pub fn slots(&self) -> (u32, u32) {
-        (self.materials.pages.grid.slots(), self.materials.columns.rows.slots())
+        (
+            self.materials.pages.grid.slots(),
+            self.materials.columns.rows.slots(),
+        )
     }
 
     /// Pixels.
@@ -178,7 +156,9 @@ impl Renderer {
 
     /// Writes a page into a slot and enters it into the page table.
     pub fn place_page(&mut self, btf: usize, page: PageId, slot: Slot, texels: &Page) {
-        let Materials { pages, page_table, .. } = &mut self.materials;
+        let Materials {
+            pages, page_table, ..
+        } = &mut self.materials;
         pages.write(&self.context, slot, texels);
         page_table.insert(btf, page, pages.grid.address(slot));
     }
@@ -190,7 +170,12 @@ impl Renderer {
 
     /// Writes a column with its ambient entries into a slot and enters it into the page table.
     pub fn place_column(&mut self, btf: usize, group: u16, slot: Slot, column: &Column) {
-        let Materials { columns, ambient_weights, page_table, .. } = &mut self.materials;
+        let Materials {
+            columns,
+            ambient_weights,
+            page_table,
+            ..
+        } = &mut self.materials;
         columns.write(&self.context, slot, with_ambient(column, &ambient_weights[btf]));
         page_table.set_column(btf, group, Some(columns.rows.address(slot)));
     }
@@ -202,7 +187,11 @@ impl Renderer {
 
     /// Writes what has changed in the page table.
     pub fn flush(&mut self) {
-        let Materials { page_table, page_table_buffer, .. } = &mut self.materials;
+        let Materials {
+            page_table,
+            page_table_buffer,
+            ..
+        } = &mut self.materials;
         let queue = &self.context.queue;
         page_table.flush(|first, entries| {
             queue.write_buffer(page_table_buffer, first as u64 * 4, bytemuck::cast_slice(entries));
@@ -227,14 +216,22 @@ impl Renderer {
         if camera.is_some() {
             let timestamps = self.timers.as_mut().map(|timers| timers.render(Pass::Visibility));
             let (visibility, scene) = (&self.passes.visibility, &self.groups.scene);
-            visibility.encode(&mut encoder, &self.targets, scene, &self.geometry.draws, timestamps);
+            visibility.encode(
+                &mut encoder,
+                &self.targets,
+                scene,
+                &self.geometry.draws,
+                timestamps,
+            );
         }
         if let Some((ask, staging)) = staging {
             let timestamps = self.timers.as_mut().map(|timers| timers.compute(Pass::Feedback));
             let (width, height) = self.targets.size;
             let cells = (width.div_ceil(ask.stride), height.div_ceil(ask.stride));
             let groups = [&self.groups.scene, &self.groups.caches, &self.groups.feedback];
-            self.passes.feedback.encode(&mut encoder, cells, groups, staging, timestamps);
+            self.passes
+                .feedback
+                .encode(&mut encoder, cells, groups, staging, timestamps);
         }
         self.context.queue.submit([encoder.finish()]);
         if let Some((ask, staging)) = staging {
@@ -250,10 +247,23 @@ impl Renderer {
         let mut encoder = self.context.device.create_command_encoder(&Default::default());
         let (size, groups) = (self.targets.size, &self.groups);
         let timestamps = self.timers.as_mut().map(|timers| timers.compute(Pass::Shade));
-        self.passes.shade.encode(&mut encoder, size, [&groups.scene, &groups.caches, &groups.shade], timestamps);
+        self.passes.shade.encode(
+            &mut encoder,
+            size,
+            [&groups.scene, &groups.caches, &groups.shade],
+            timestamps,
+        );
         let timestamps = self.timers.as_mut().map(|timers| timers.compute(Pass::Tonemap));
-        self.passes.tonemap.encode(&mut encoder, size, [&groups.scene, &groups.caches, &groups.tonemap], timestamps);
-        let map = self.timers.as_mut().is_some_and(|timers| timers.resolve(&mut encoder));
+        self.passes.tonemap.encode(
+            &mut encoder,
+            size,
+            [&groups.scene, &groups.caches, &groups.tonemap],
+            timestamps,
+        );
+        let map = self
+            .timers
+            .as_mut()
+            .is_some_and(|timers| timers.resolve(&mut encoder));
         self.context.queue.submit([encoder.finish()]);
         if let Some(timers) = self.timers.as_mut().filter(|_| map) {
             timers.map();
@@ -261,7 +271,9 @@ impl Renderer {
     }
 
     fn write_frame(&self) {
-        self.context.queue.write_buffer(&self.frame_buffer, 0, bytemuck::bytes_of(&self.frame));
+        self.context
+            .queue
+            .write_buffer(&self.frame_buffer, 0, bytemuck::bytes_of(&self.frame));
     }
 
     /// Votes and times that have arrived, without waiting.
@@ -269,9 +281,15 @@ impl Renderer {
     /// # Errors
     /// [`Error::Adapter`] if the device has failed.
     pub fn poll(&mut self) -> Result<(Vec<Counted>, Option<GpuMilliseconds>)> {
-        self.context.device.poll(wgpu::PollType::Poll).map_err(|error| Error::Adapter(error.to_string()))?;
+        self.context
+            .device
+            .poll(wgpu::PollType::Poll)
+            .map_err(|error| Error::Adapter(error.to_string()))?;
         self.context.check()?;
-        Ok((self.passes.feedback.poll(), self.timers.as_mut().and_then(Timers::poll)))
+        Ok((
+            self.passes.feedback.poll(),
+            self.timers.as_mut().and_then(Timers::poll),
+        ))
     }
 
     /// Whether votes are on their way back.
@@ -298,7 +316,11 @@ impl Renderer {
             let [r, g, b, _]: [f32; 4] = bytemuck::pod_read_unaligned(pixel);
             [r, g, b]
         });
-        Ok(Picture { width, height, pixels: pixels.collect() })
+        Ok(Picture {
+            width,
+            height,
+            pixels: pixels.collect(),
+        })
     }
 
     /// The last picture in 8-bit sRGB with alpha. Waits.
@@ -321,89 +343,5 @@ impl Renderer {
     /// Name of the adapter and its driver.
     pub fn adapter(&self) -> String {
         self.context.adapter()
-    }
-}
-
-impl Passes {
-    fn new(context: &Context) -> Result<Self> {
-        use wgpu::ShaderStages as Stages;
-        // Camera, vertices, indices, instances, materials, lights.
-        let storage = [Binding::Storage; 5];
-        let scene = [&[Binding::Uniform], &storage[..]].concat();
-        let scene = bind::layout(context, "scene", Stages::VERTEX | Stages::COMPUTE, &scene);
-        // Page table, directions, pages, columns.
-        let caches =
-            [Binding::Storage, Binding::Storage, Binding::Layers, Binding::Sampler, Binding::Layers];
-        let caches = bind::layout(context, "caches", Stages::COMPUTE, &caches);
-        Ok(Self {
-            visibility: Visibility::new(context, &scene)?,
-            feedback: Feedback::new(context, &scene, &caches)?,
-            shade: Shade::new(context, &scene, &caches)?,
-            tonemap: Tonemap::new(context, &scene, &caches)?,
-            scene,
-            caches,
-        })
-    }
-}
-
-impl Materials {
-    fn new(
-        context: &Context,
-        scene_materials: &[scenes::Material],
-        btfs: &[Btf],
-        btf_of: &[Option<usize>],
-        caches: Caches,
-    ) -> Result<Self> {
-        let tables = materials::pack(scene_materials, btfs, btf_of, UNKNOWN)?;
-        let regions = btfs.iter().zip(&tables.bases).map(|(btf, bases)| Region {
-            base: bases.page_table,
-            groups: btf.groups(),
-            pyramid: *btf.pyramid(),
-        });
-        let page_table = PageTable::new(tables.page_entries, regions.collect());
-        let column_texels = btfs.iter().map(Btf::column_texels).max().unwrap_or(1);
-        Ok(Self {
-            table: bind::storage(context, "materials", &tables.materials)?,
-            directions: bind::storage(context, "directions", &tables.directions)?,
-            bases: tables.bases,
-            ambient_weights: btfs.iter().map(|btf| btf.ambient_weights.clone()).collect(),
-            page_table_buffer: bind::storage(context, "page tables", page_table.entries())?,
-            page_table,
-            pages: PageCache::new(context, caches.page_bytes)?,
-            columns: ColumnCache::new(context, column_texels, caches.column_bytes)?,
-        })
-    }
-
-    fn bytes(&self) -> u64 {
-        let buffers = [&self.table, &self.directions, &self.page_table_buffer];
-        buffers.iter().map(|buffer| buffer.size()).sum::<u64>() + self.pages.bytes() + self.columns.bytes()
-    }
-}
-
-impl Groups {
-    fn new(
-        context: &Context,
-        passes: &Passes,
-        targets: &Targets,
-        geometry: &Geometry,
-        materials: &Materials,
-        frame: &wgpu::Buffer,
-    ) -> Self {
-        use wgpu::BindingResource::{Sampler, TextureView};
-        let scene = [frame, &geometry.vertices, &geometry.indices, &geometry.instances, &materials.table, &geometry.lights];
-        let caches = [
-            materials.page_table_buffer.as_entire_binding(),
-            materials.directions.as_entire_binding(),
-            TextureView(&materials.pages.view),
-            Sampler(&materials.pages.sampler),
-            TextureView(&materials.columns.view),
-        ];
-        Self {
-            scene: bind::group(context, "scene", &passes.scene, &scene.map(wgpu::Buffer::as_entire_binding)),
-            caches: bind::group(context, "caches", &passes.caches, &caches),
-            feedback: passes.feedback.bind(context, targets),
-            shade: passes.shade.bind(context, targets),
-            tonemap: passes.tonemap.bind(context, targets),
-        }
     }
 }

@@ -1,6 +1,13 @@
 //! The shading pass: outgoing radiance of each pixel.
 
-use crate::{Result, gpu::{Context, bind::{self, Binding}, targets::{PICTURE, Targets}}};
+use crate::{
+    Result,
+    gpu::{
+        Context,
+        bind::{self, Binding},
+        targets::{PICTURE, Targets},
+    },
+};
 
 /// The pass.
 pub(super) struct Shade {
@@ -9,19 +16,29 @@ pub(super) struct Shade {
 }
 
 impl Shade {
-    pub(super) fn new(context: &Context, scene: &wgpu::BindGroupLayout, caches: &wgpu::BindGroupLayout) -> Result<Self> {
+    pub(super) fn new(
+        context: &Context,
+        scene: &wgpu::BindGroupLayout,
+        caches: &wgpu::BindGroupLayout,
+    ) -> Result<Self> {
         let layout = bind::layout(
             context,
             "shade",
             wgpu::ShaderStages::COMPUTE,
             &[Binding::Integers, Binding::Picture(PICTURE)],
         );
-        Ok(Self { pipeline: bind::compute(context, "shade", &[scene, caches, &layout])?, layout })
+        Ok(Self {
+            pipeline: bind::compute(context, "shade", &[scene, caches, &layout])?,
+            layout,
+        })
     }
 
     pub(super) fn bind(&self, context: &Context, targets: &Targets) -> wgpu::BindGroup {
         use wgpu::BindingResource::TextureView;
-        let resources = [TextureView(&targets.visibility.view), TextureView(&targets.picture.view)];
+        let resources = [
+            TextureView(&targets.visibility.view),
+            TextureView(&targets.picture.view),
+        ];
         bind::group(context, "shade", &self.layout, &resources)
     }
 

@@ -8,6 +8,10 @@ pub(super) const DEPTH: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
 /// Full floats: half floats would cost a relative error of 2^-11, about what the whole renderer is allowed.
 pub(super) const PICTURE: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Float;
 pub(super) const SCREEN: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
+/// Pages are filtered: four half floats a texel.
+pub(super) const PAGES: wgpu::TextureFormat = wgpu::TextureFormat::Rgba16Float;
+/// Columns are not: eight half floats a texel, as words.
+pub(super) const COLUMNS: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Uint;
 
 /// A texture and its view.
 pub(super) struct Target {
@@ -39,7 +43,11 @@ impl Targets {
         let target = |label, format, usage| {
             let texture = context.device.create_texture(&wgpu::TextureDescriptor {
                 label: Some(label),
-                size: wgpu::Extent3d { width: size.0, height: size.1, depth_or_array_layers: 1 },
+                size: wgpu::Extent3d {
+                    width: size.0,
+                    height: size.1,
+                    depth_or_array_layers: 1,
+                },
                 mip_level_count: 1,
                 sample_count: 1,
                 dimension: wgpu::TextureDimension::D2,
@@ -47,7 +55,10 @@ impl Targets {
                 usage,
                 view_formats: &[],
             });
-            Target { view: texture.create_view(&Default::default()), texture }
+            Target {
+                view: texture.create_view(&Default::default()),
+                texture,
+            }
         };
         let drawn = Usage::RENDER_ATTACHMENT | Usage::TEXTURE_BINDING | Usage::COPY_SRC;
         let written = Usage::STORAGE_BINDING | Usage::TEXTURE_BINDING | Usage::COPY_SRC;
@@ -70,15 +81,24 @@ impl Targets {
     }
 }
 
-/// An array of half float textures of width, height, layers, to be filled piece by piece.
-pub(super) fn layers(context: &Context, label: &str, (width, height, layers): (u32, u32, u32)) -> wgpu::Texture {
+/// An array of textures of width, height, layers, to be filled piece by piece.
+pub(super) fn layers(
+    context: &Context,
+    label: &str,
+    format: wgpu::TextureFormat,
+    (width, height, layers): (u32, u32, u32),
+) -> wgpu::Texture {
     context.device.create_texture(&wgpu::TextureDescriptor {
         label: Some(label),
-        size: wgpu::Extent3d { width, height, depth_or_array_layers: layers },
+        size: wgpu::Extent3d {
+            width,
+            height,
+            depth_or_array_layers: layers,
+        },
         mip_level_count: 1,
         sample_count: 1,
         dimension: wgpu::TextureDimension::D2,
-        format: wgpu::TextureFormat::Rgba16Float,
+        format,
         usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
         view_formats: &[],
     })
@@ -92,7 +112,7 @@ pub(super) fn layers_view(texture: &wgpu::Texture) -> wgpu::TextureView {
     })
 }
 
-/// Writes half float texels into a rectangle of a layer.
+/// Writes texels into a rectangle of a layer.
 pub(super) fn write(
     context: &Context,
     texture: &wgpu::Texture,
@@ -101,9 +121,22 @@ pub(super) fn write(
     bytes: &[u8],
 ) {
     context.queue.write_texture(
-        wgpu::TexelCopyTextureInfo { texture, mip_level: 0, origin, aspect: wgpu::TextureAspect::All },
+        wgpu::TexelCopyTextureInfo {
+            texture,
+            mip_level: 0,
+            origin,
+            aspect: wgpu::TextureAspect::All,
+        },
         bytes,
-        wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(width * 8), rows_per_image: None },
-        wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
+        wgpu::TexelCopyBufferLayout {
+            offset: 0,
+            bytes_per_row: Some(width * texture.format().block_copy_size(None).unwrap_or(8)),
+            rows_per_image: None,
+        },
+        wgpu::Extent3d {
+            width,
+            height,
+            depth_or_array_layers: 1,
+        },
     );
 }

@@ -1,6 +1,9 @@
 //! How long each pass took on the GPU, where the adapter can tell.
 
-use std::sync::{Arc, atomic::{AtomicBool, Ordering}};
+use std::sync::{
+    Arc,
+    atomic::{AtomicBool, Ordering},
+};
 
 use serde::Serialize;
 
@@ -65,7 +68,11 @@ impl Timers {
                 ty: wgpu::QueryType::Timestamp,
                 count: TIMESTAMPS,
             }),
-            resolved: buffer("timestamps", RESOLVED_BYTES, Usage::QUERY_RESOLVE | Usage::COPY_SRC),
+            resolved: buffer(
+                "timestamps",
+                RESOLVED_BYTES,
+                Usage::QUERY_RESOLVE | Usage::COPY_SRC,
+            ),
             staging: buffer("timestamps read back", BYTES, Usage::COPY_DST | Usage::MAP_READ),
             mapped: Arc::default(),
             busy: false,
@@ -112,7 +119,9 @@ impl Timers {
     pub(super) fn map(&mut self) {
         self.busy = true;
         let mapped = self.mapped.clone();
-        self.staging.map_async(wgpu::MapMode::Read, .., move |_| mapped.store(true, Ordering::Release));
+        self.staging.map_async(wgpu::MapMode::Read, .., move |_| {
+            mapped.store(true, Ordering::Release)
+        });
     }
 
     /// The times that have arrived since the last call.
@@ -122,10 +131,15 @@ impl Timers {
         }
         self.busy = false;
         let times = self.staging.get_mapped_range(..).ok().map(|bytes| {
-            let at = |index: usize| u64::from_le_bytes(bytes[index * 8..][..8].try_into().unwrap_or_default());
+            let at =
+                |index: usize| u64::from_le_bytes(bytes[index * 8..][..8].try_into().unwrap_or_default());
             let pass = |pass: Pass| {
                 let ticks = at(pass as usize + 1).saturating_sub(at(pass as usize));
-                if self.reading[pass as usize] { ticks as f64 * self.nanoseconds * 1e-6 } else { 0.0 }
+                if self.reading[pass as usize] {
+                    ticks as f64 * self.nanoseconds * 1e-6
+                } else {
+                    0.0
+                }
             };
             GpuMilliseconds {
                 visibility: pass(Pass::Visibility),

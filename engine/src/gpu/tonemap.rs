@@ -1,6 +1,13 @@
 //! The tone mapping pass: from radiance to 8-bit sRGB.
 
-use crate::{Result, gpu::{Context, bind::{self, Binding}, targets::{SCREEN, Targets}}};
+use crate::{
+    Result,
+    gpu::{
+        Context,
+        bind::{self, Binding},
+        targets::{SCREEN, Targets},
+    },
+};
 
 /// The pass.
 pub(super) struct Tonemap {
@@ -9,19 +16,29 @@ pub(super) struct Tonemap {
 }
 
 impl Tonemap {
-    pub(super) fn new(context: &Context, scene: &wgpu::BindGroupLayout, caches: &wgpu::BindGroupLayout) -> Result<Self> {
+    pub(super) fn new(
+        context: &Context,
+        scene: &wgpu::BindGroupLayout,
+        caches: &wgpu::BindGroupLayout,
+    ) -> Result<Self> {
         let layout = bind::layout(
             context,
             "tonemap",
             wgpu::ShaderStages::COMPUTE,
             &[Binding::Floats, Binding::Picture(SCREEN)],
         );
-        Ok(Self { pipeline: bind::compute(context, "tonemap", &[scene, caches, &layout])?, layout })
+        Ok(Self {
+            pipeline: bind::compute(context, "tonemap", &[scene, caches, &layout])?,
+            layout,
+        })
     }
 
     pub(super) fn bind(&self, context: &Context, targets: &Targets) -> wgpu::BindGroup {
         use wgpu::BindingResource::TextureView;
-        let resources = [TextureView(&targets.picture.view), TextureView(&targets.screen.view)];
+        let resources = [
+            TextureView(&targets.picture.view),
+            TextureView(&targets.screen.view),
+        ];
         bind::group(context, "tonemap", &self.layout, &resources)
     }
 

@@ -8,8 +8,11 @@ use shaders::mirror;
 pub(super) fn set_camera(frame: &mut mirror::Frame, camera: &Camera, size: (u32, u32)) {
     let (width, height) = (f64::from(size.0), f64::from(size.1));
     let basis = camera.basis();
-    let (right, up, forward): (DVec3, DVec3, DVec3) =
-        (basis.right.as_dvec3(), basis.up.as_dvec3(), basis.forward.as_dvec3());
+    let (right, up, forward): (DVec3, DVec3, DVec3) = (
+        basis.right.as_dvec3(),
+        basis.up.as_dvec3(),
+        basis.forward.as_dvec3(),
+    );
     let half = (f64::from(camera.fov_y) * 0.5).tan();
     let ray = |x: f64, y: f64| {
         let across = (2.0 * x / width - 1.0) * half * width / height;

@@ -1,6 +1,12 @@
 //! The visibility pass: which triangle of which instance each pixel sees.
 
-use crate::{Result, gpu::{Context, bind, targets::{DEPTH, Targets, VISIBILITY}}};
+use crate::{
+    Result,
+    gpu::{
+        Context, bind,
+        targets::{DEPTH, Targets, VISIBILITY},
+    },
+};
 
 /// The pass.
 pub(super) struct Visibility {
@@ -10,40 +16,44 @@ pub(super) struct Visibility {
 impl Visibility {
     pub(super) fn new(context: &Context, scene: &wgpu::BindGroupLayout) -> Result<Self> {
         let module = bind::module(context, "visibility")?;
-        let layout = context.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-            label: Some("visibility"),
-            bind_group_layouts: &[Some(scene)],
-            immediate_size: 0,
-        });
-        let pipeline = context.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-            label: Some("visibility"),
-            layout: Some(&layout),
-            vertex: wgpu::VertexState {
-                module: &module,
-                entry_point: Some("visibility_vertex"),
-                compilation_options: Default::default(),
-                buffers: &[],
-            },
-            // Both sides of a triangle are seen; shading turns the frame.
-            primitive: wgpu::PrimitiveState::default(),
-            depth_stencil: Some(wgpu::DepthStencilState {
-                format: DEPTH,
-                depth_write_enabled: Some(true),
-                // Depth is near / distance.
-                depth_compare: Some(wgpu::CompareFunction::Greater),
-                stencil: Default::default(),
-                bias: Default::default(),
-            }),
-            multisample: Default::default(),
-            fragment: Some(wgpu::FragmentState {
-                module: &module,
-                entry_point: Some("visibility_fragment"),
-                compilation_options: Default::default(),
-                targets: &[Some(VISIBILITY.into())],
-            }),
-            multiview_mask: None,
-            cache: None,
-        });
+        let layout = context
+            .device
+            .create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+                label: Some("visibility"),
+                bind_group_layouts: &[Some(scene)],
+                immediate_size: 0,
+            });
+        let pipeline = context
+            .device
+            .create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+                label: Some("visibility"),
+                layout: Some(&layout),
+                vertex: wgpu::VertexState {
+                    module: &module,
+                    entry_point: Some("visibility_vertex"),
+                    compilation_options: Default::default(),
+                    buffers: &[],
+                },
+                // Both sides of a triangle are seen; shading turns the frame.
+                primitive: wgpu::PrimitiveState::default(),
+                depth_stencil: Some(wgpu::DepthStencilState {
+                    format: DEPTH,
+                    depth_write_enabled: Some(true),
+                    // Depth is near / distance.
+                    depth_compare: Some(wgpu::CompareFunction::Greater),
+                    stencil: Default::default(),
+                    bias: Default::default(),
+                }),
+                multisample: Default::default(),
+                fragment: Some(wgpu::FragmentState {
+                    module: &module,
+                    entry_point: Some("visibility_fragment"),
+                    compilation_options: Default::default(),
+                    targets: &[Some(VISIBILITY.into())],
+                }),
+                multiview_mask: None,
+                cache: None,
+            });
         Ok(Self { pipeline })
     }
 
@@ -62,11 +72,17 @@ impl Visibility {
                 view: &targets.visibility.view,
                 depth_slice: None,
                 resolve_target: None,
-                ops: wgpu::Operations { load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT), store: wgpu::StoreOp::Store },
+                ops: wgpu::Operations {
+                    load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT),
+                    store: wgpu::StoreOp::Store,
+                },
             })],
             depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
                 view: &targets.depth.view,
-                depth_ops: Some(wgpu::Operations { load: wgpu::LoadOp::Clear(0.0), store: wgpu::StoreOp::Discard }),
+                depth_ops: Some(wgpu::Operations {
+                    load: wgpu::LoadOp::Clear(0.0),
+                    store: wgpu::StoreOp::Discard,
+                }),
                 stencil_ops: None,
             }),
             timestamp_writes,

@@ -22,8 +22,8 @@ pub struct Comparison {
     pub reference_rms: f64,
     /// `rmse` / `reference_rms`; 0 if both are zero, infinite if only the reference is.
     pub relative_rmse: f64,
-    /// Peak signal to noise ratio, decibels, with a peak of 1, of what the screen shows, sRGB-encoded, not rounded to
-    /// bytes. Infinite for equal pictures.
+    /// Peak signal to noise ratio, decibels, with a peak of 1, of what the screen shows, sRGB-encoded, not
+    /// rounded to bytes. Infinite for equal pictures.
     pub psnr_db: f64,
     /// Mean structural similarity of the luma 0.2126 R' + 0.7152 G' + 0.0722 B' of what the screen shows,
     /// sRGB-encoded; see [`mean_ssim`].
@@ -136,9 +136,10 @@ mod tests {
     }
 
     /// Expected values: the pictures above in numpy, tone mapped by the specification's formula, then
-    /// `structural_similarity(gaussian_weights=True, sigma=1.5, use_sample_covariance=False, data_range=1)`,
-    /// `peak_signal_noise_ratio`, `rgb2lab`, `deltaE_cie76` and `deltaE_ciede2000` of scikit-image 0.26.0; colour-science
-    /// 0.4.7 gives the same ΔE to within 4e-4 (it rounds white and matrix differently).
+    /// `structural_similarity(gaussian_weights=True, sigma=1.5, use_sample_covariance=False,
+    /// data_range=1)`, `peak_signal_noise_ratio`, `rgb2lab`, `deltaE_cie76` and `deltaE_ciede2000` of
+    /// scikit-image 0.26.0; colour-science 0.4.7 gives the same ΔE to within 4e-4 (it rounds white and
+    /// matrix differently).
     #[test]
     fn figures_are_those_of_scikit_image() {
         let (picture, reference) = pictures();

@@ -1,7 +1,7 @@
 //! CIELAB and its colour differences, for the light of an sRGB screen with the white D65.
 //!
-//! Sources: IEC 61966-2-1 (primaries); CIE 15:2004 (CIELAB, ΔE of 1976); Sharma, Wu, Dalal: The CIEDE2000 Color-Difference
-//! Formula, 2005 (ΔE of 2000, with its test data).
+//! Sources: IEC 61966-2-1 (primaries); CIE 15:2004 (CIELAB, ΔE of 1976); Sharma, Wu, Dalal: The CIEDE2000
+//! Color-Difference Formula, 2005 (ΔE of 2000, with its test data).
 
 /// XYZ from linear sRGB.
 const XYZ_FROM_RGB: [[f64; 3]; 3] = [

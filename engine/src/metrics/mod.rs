@@ -4,8 +4,8 @@
 //! - `compare`: all figures of two pictures, as a [`Comparison`] for JSON.
 //! - `ssim`: structural similarity. `lab`: CIELAB and its colour differences.
 //!
-//! Errors of radiance are taken from linear values, before tone mapping; everything that speaks of what is seen
-//! (PSNR, SSIM, ΔE) from what the screen shows: exposed, tone mapped, clipped to [0, 1].
+//! Errors of radiance are taken from linear values, before tone mapping; everything that speaks of what is
+//! seen (PSNR, SSIM, ΔE) from what the screen shows: exposed, tone mapped, clipped to [0, 1].
 
 mod compare;
 pub mod lab;

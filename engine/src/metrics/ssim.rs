@@ -1,7 +1,8 @@
 //! Structural similarity of grey pictures.
 //!
-//! Source: Wang, Bovik, Sheikh, Simoncelli: Image Quality Assessment: From Error Visibility to Structural Similarity,
-//! 2004: Gaussian window of 11×11 with σ = 1.5, K1 = 0.01, K2 = 0.03, covariances of the population.
+//! Source: Wang, Bovik, Sheikh, Simoncelli: Image Quality Assessment: From Error Visibility to Structural
+//! Similarity, 2004: Gaussian window of 11×11 with σ = 1.5, K1 = 0.01, K2 = 0.03, covariances of the
+//! population.
 
 /// Pixels from the middle of the window to its edge.
 const RADIUS: usize = 5;
@@ -10,8 +11,8 @@ const SIGMA: f64 = 1.5;
 const C1: f64 = 0.01 * 0.01;
 const C2: f64 = 0.03 * 0.03;
 
-/// SSIM at each pixel of two pictures of `width` columns with values in [0, 1]; pictures are mirrored at their
-/// edges.
+/// SSIM at each pixel of two pictures of `width` columns with values in [0, 1]; pictures are mirrored at
+/// their edges.
 ///
 /// # Panics
 /// If the pictures differ in size or do not hold whole rows.
@@ -41,8 +42,8 @@ pub fn ssim_map(a: &[f64], b: &[f64], width: usize) -> Vec<f64> {
         .collect()
 }
 
-/// Mean of SSIM over the covered pixels whose whole window lies in the picture, as Wang et al. take it, or over
-/// all covered pixels if there are none such. `None` if no pixel is covered.
+/// Mean of SSIM over the covered pixels whose whole window lies in the picture, as Wang et al. take it, or
+/// over all covered pixels if there are none such. `None` if no pixel is covered.
 ///
 /// # Panics
 /// As [`ssim_map`].

@@ -1,7 +1,7 @@
 //! From linear radiance to what a screen shows. Twin of `tonemap.wgsl`.
 //!
-//! Source: Khronos PBR Neutral tone mapper, specification 2024 (KhronosGroup/ToneMapping, PBR_Neutral); IEC 61966-2-1
-//! (sRGB).
+//! Source: Khronos PBR Neutral tone mapper, specification 2024 (KhronosGroup/ToneMapping, PBR_Neutral); IEC
+//! 61966-2-1 (sRGB).
 
 /// Where compression of highlights begins: 0.8 less the reflectance of a dielectric at normal incidence.
 const START_COMPRESSION: f64 = 0.8 - 0.04;

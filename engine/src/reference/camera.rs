@@ -5,10 +5,10 @@ use scenes::{Camera, camera::Basis};
 
 /// The rays of a picture.
 ///
-/// Pixel (x, y), row 0 at the top, looks through its middle: along forward + right · (2(x + ½)/W − 1) · tan(fov/2)
-/// · W/H + up · (1 − 2(y + ½)/H) · tan(fov/2), which is not normalized, so that it changes by the same step from
-/// pixel to pixel. right = forward × up of the camera, up = right × forward: right-handed, looking along
-/// forward.
+/// Pixel (x, y), row 0 at the top, looks through its middle: along forward + right · (2(x + ½)/W − 1) ·
+/// tan(fov/2) · W/H + up · (1 − 2(y + ½)/H) · tan(fov/2), which is not normalized, so that it changes by
+/// the same step from pixel to pixel. right = forward × up of the camera, up = right × forward:
+/// right-handed, looking along forward.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rays {
     /// Where all rays begin.

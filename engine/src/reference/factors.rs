@@ -9,8 +9,8 @@ use crate::{
     angular::{Taps, Triangulation},
 };
 
-/// All eigen-textures and eigen-ABRDFs of an archive, decoded: ρ = Σ_c U'_c V'_c (Schwartz, Ruiters, Klein 2013,
-/// equation 5), summed in f64.
+/// All eigen-textures and eigen-ABRDFs of an archive, decoded: ρ = Σ_c U'_c V'_c (Schwartz, Ruiters, Klein
+/// 2013, equation 5), summed in f64.
 ///
 /// Takes width · height · components · 2⅔ bytes and views · lights · components · 12 bytes.
 pub struct FactorReflectance {

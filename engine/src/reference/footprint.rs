@@ -29,9 +29,10 @@ const MAX_STEP: f64 = 1e9;
 impl Footprint {
     /// Texels for texture coordinates `st` of a material and their derivatives by pixels.
     ///
-    /// The level of detail is log2 of the longer of both steps in texels of mip 0 (Schwartz, Ruiters, Klein 2013,
-    /// equation 1, with mip 0 the finest), from 0 to the coarsest mip; linear between the mips on both sides,
-    /// bilinear in each. Texture coordinates wrap or are clamped to [0, 1], and texels wrap or are clamped.
+    /// The level of detail is log2 of the longer of both steps in texels of mip 0 (Schwartz, Ruiters, Klein
+    /// 2013, equation 1, with mip 0 the finest), from 0 to the coarsest mip; linear between the mips on
+    /// both sides, bilinear in each. Texture coordinates wrap or are clamped to [0, 1], and texels wrap or
+    /// are clamped.
     pub fn new(pyramid: &Pyramid, st: DVec2, st_dx: DVec2, st_dy: DVec2) -> Self {
         let (width, height) = pyramid.mip_size(0);
         let size = DVec2::new(width.into(), height.into());

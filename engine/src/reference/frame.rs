@@ -4,17 +4,18 @@ use glam::DVec3;
 
 /// An orthonormal frame in world space, on the side of the surface that is seen.
 ///
-/// With the vertices' normal n and tangent (t, w) interpolated perspective-correctly in the space of the mesh:
+/// With the vertices' normal n and tangent (t, w) interpolated perspective-correctly in the space of the
+/// mesh:
 ///
-/// 1. normal N: n by the inverse transpose of the placement, normalized; the triangle's own normal where that is
-///    shorter than 1e-12;
+/// 1. normal N: n by the inverse transpose of the placement, normalized; the triangle's own normal where
+///    that is shorter than 1e-12;
 /// 2. tangent T: t by the placement, its part across N, normalized; where that is shorter than 1e-12 the part
 ///    across N of the x axis, or of the y axis if |N.x| > ½;
 /// 3. bitangent B: N × T, negated if w < 0;
-/// 4. if the triangle is seen from behind, that is if its own normal (edge from the first to the second corner ×
-///    edge from the first to the third, in world space) points along the ray, N and B are negated and T stays. The
-///    frame keeps its handedness and u still runs along T; seen from behind v runs against B, as it does
-///    on the back of a sheet.
+/// 4. if the triangle is seen from behind, that is if its own normal (edge from the first to the second
+///    corner × edge from the first to the third, in world space) points along the ray, N and B are negated
+///    and T stays. The frame keeps its handedness and u still runs along T; seen from behind v runs against
+///    B, as it does on the back of a sheet.
 ///
 /// The sheet has the same material on both sides. x, y and z of the BTF's tangent space are T, B and N.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -28,8 +29,8 @@ pub struct TangentFrame {
 }
 
 impl TangentFrame {
-    /// The frame from vectors in world space, of any length: normal and tangent as interpolated, w, the triangle's own
-    /// normal, and whether the triangle is seen from behind.
+    /// The frame from vectors in world space, of any length: normal and tangent as interpolated, w, the
+    /// triangle's own normal, and whether the triangle is seen from behind.
     pub fn new(normal: DVec3, tangent: DVec3, w: f64, face_normal: DVec3, behind: bool) -> Self {
         let normal = unit(normal, face_normal);
         let tangent = unit(tangent - normal * normal.dot(tangent), across(normal));

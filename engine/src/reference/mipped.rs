@@ -29,8 +29,8 @@ pub trait Samples: Sync {
 
 /// Samples with mips, made when they are asked for.
 ///
-/// Coarser mips are area-weighted box averages, the same as those of archives ([`MipImage::downsample`]). They
-/// are made for whole images (one view and light) and kept as f32, the most recently used ones up to a
+/// Coarser mips are area-weighted box averages, the same as those of archives ([`MipImage::downsample`]).
+/// They are made for whole images (one view and light) and kept as f32, the most recently used ones up to a
 /// number of bytes; so is, for each view, the image under uniform light.
 pub struct Mipped<S> {
     samples: S,
@@ -47,8 +47,8 @@ enum Key {
 }
 
 impl<S: Samples> Mipped<S> {
-    /// Mips for these samples in about `cache_bytes` of memory, or as many as the largest image takes for each
-    /// thread that shades.
+    /// Mips for these samples in about `cache_bytes` of memory, or as many as the largest image takes for
+    /// each thread that shades.
     ///
     /// # Errors
     /// If the size of the samples is none that a material can have.
@@ -111,7 +111,8 @@ impl<S: Samples> Mipped<S> {
     fn under_uniform_light(&self, view: u32, weights: &[f64]) -> Arc<Vec<MipImage>> {
         self.image(Key::Ambient { view }, || {
             let (width, height) = self.pyramid.mip_size(0);
-            // Light by light, each image from its first texel to its last: the order in which samples are stored.
+            // Light by light, each image from its first texel to its last: the order in which samples are
+            // stored.
             let mut sums = vec![[0.0; 3]; width as usize * height as usize];
             for (light, &weight) in weights.iter().enumerate().filter(|(_, weight)| **weight > 0.0) {
                 for (at, sum) in sums.iter_mut().enumerate() {

@@ -13,9 +13,9 @@ use crate::{angular::Triangulation, metrics::Picture};
 
 /// Shades the pixels of a visibility pass.
 ///
-/// `visibility` has `size.0` × `size.1` pixels, row by row from the top: instance + 1 or 0 for none, and the triangle
-/// of its mesh. `materials` are by index of the scene's; diffuse ones need none, and a BTF without one is black.
-/// Pixels that name what the scene does not have show the background.
+/// `visibility` has `size.0` × `size.1` pixels, row by row from the top: instance + 1 or 0 for none, and
+/// the triangle of its mesh. `materials` are by index of the scene's; diffuse ones need none, and a BTF
+/// without one is black. Pixels that name what the scene does not have show the background.
 pub fn shade(
     scene: &Scene,
     camera: &Camera,

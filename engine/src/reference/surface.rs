@@ -59,8 +59,8 @@ impl<'a> Placed<'a> {
     /// Where the ray of a pixel meets the plane of a triangle, and how that point moves from pixel to pixel.
     /// `None` for a triangle that the mesh does not have.
     ///
-    /// Ray against plane after Möller, Trumbore 1997. The derivatives are exact at the pixel. A triangle seen edge on
-    /// has no inside: its first corner stands for it, and derivatives are zero.
+    /// Ray against plane after Möller, Trumbore 1997. The derivatives are exact at the pixel. A triangle
+    /// seen edge on has no inside: its first corner stands for it, and derivatives are zero.
     pub fn meet(&self, triangle: u32, rays: &Rays, x: u32, y: u32) -> Option<SurfacePoint> {
         let mesh = self.mesh;
         let first = (triangle as usize).checked_mul(3)?;

@@ -1,7 +1,8 @@
 //! What to keep in the page cache: votes in, operations out.
 //!
-//! Pure and deterministic: no clock, no I/O, no GPU, and time is counted in updates. Source: Schwartz, Ruiters,
-//! Klein 2013, section 5 (level-of-detail strategy and tile prioritization) and section 6 (columns).
+//! Pure and deterministic: no clock, no I/O, no GPU, and time is counted in updates. Source: Schwartz,
+//! Ruiters, Klein 2013, section 5 (level-of-detail strategy and tile prioritization) and section 6
+//! (columns).
 //!
 //! - `items`: the words of the contract: items, votes, plans, placements.
 //! - `rank`: the order in which items deserve their places.
@@ -12,12 +13,12 @@
 //!
 //! # The resident set is closed
 //!
-//! A page is asked for and placed only while its parent is resident: the codec decodes it against its parent,
-//! and trilinear filtering reads both. Finer pages of a group moreover need the group's column; the group's
-//! root and its column are asked for together. The paper's `add` drops an ancestor that its children cover;
-//! here ancestors stay, so the page that gives way is always a leaf, and what is lost with it is w·v of that
-//! page alone: equation 10 with l' = l − 1. The paper's `swap` trades two pages for their ancestor because its
-//! ancestors have gone; here the ancestor is there already.
+//! A page is asked for and placed only while its parent is resident: the codec decodes it against its
+//! parent, and trilinear filtering reads both. Finer pages of a group moreover need the group's column; the
+//! group's root and its column are asked for together. The paper's `add` drops an ancestor that its
+//! children cover; here ancestors stay, so the page that gives way is always a leaf, and what is lost with
+//! it is w·v of that page alone: equation 10 with l' = l − 1. The paper's `swap` trades two pages for their
+//! ancestor because its ancestors have gone; here the ancestor is there already.
 //!
 //! # Values
 //!
@@ -27,25 +28,25 @@
 //! forever: static votes settle.
 //!
 //! A plain P has one trap. The mips of a woven or porous material hold next to nothing until its structure
-//! begins, so w·v of the pages on the way there may be (nearly) zero and would never be asked for, whatever lies
-//! beneath them. So where a page's descendants are worth more than the page itself, they share: the value
-//! of a page is the largest mean of w·v over any set of wanted pages that it is the top of
-//! (`value`). Along a path from the root values then never grow, which makes three things true at once:
-//! where w·v does not grow along a path either, values are the paper's P; the page with the least value is
-//! always a leaf; and the best closed set of n pages is simply the n pages with the largest values, up to the
-//! last group of pages that share one.
+//! begins, so w·v of the pages on the way there may be (nearly) zero and would never be asked for, whatever
+//! lies beneath them. So where a page's descendants are worth more than the page itself, they share: the
+//! value of a page is the largest mean of w·v over any set of wanted pages that it is the top of (`value`).
+//! Along a path from the root values then never grow, which makes three things true at once: where w·v does
+//! not grow along a path either, values are the paper's P; the page with the least value is always a leaf;
+//! and the best closed set of n pages is simply the n pages with the largest values, up to the last group
+//! of pages that share one.
 //!
-//! The value of a column is the whole error that its group can remove from the picture, Σ w·v over all wanted
-//! pages of the group: the paper's Σ v·‖T‖² (section 6) for the tiles that will be shown, because residuals to
-//! the up-sampled parent are nearly orthogonal. It does not depend on what is resident, so columns settle
-//! first and pages after them. In the order of requests a column counts as much as its root, w_root·v before
-//! anything finer is there, because that is all that its arrival brings at first. A column's swap can
-//! raise the predicted error until the pages of the new group are there; a page's swap lowers it at once
-//! wherever values are the paper's P.
+//! The value of a column is the whole error that its group can remove from the picture, Σ w·v over all
+//! wanted pages of the group: the paper's Σ v·‖T‖² (section 6) for the tiles that will be shown, because
+//! residuals to the up-sampled parent are nearly orthogonal. It does not depend on what is resident, so
+//! columns settle first and pages after them. In the order of requests a column counts as much as its root,
+//! w_root·v before anything finer is there, because that is all that its arrival brings at first. A
+//! column's swap can raise the predicted error until the pages of the new group are there; a page's swap
+//! lowers it at once wherever values are the paper's P (a root's, once its column is there too).
 //!
-//! Pages of a group whose column is neither resident nor on its way are worth nothing. Items without votes are
-//! worth nothing either; both stay while there is room and are the first to give way, least recently wanted
-//! first.
+//! Pages of a group whose column is neither resident nor on its way are worth nothing. Items without votes
+//! are worth nothing either; both stay while there is room and are the first to give way, least recently
+//! wanted first.
 //!
 //! # Stability
 //!

@@ -4,7 +4,8 @@ use std::cmp::{Ordering, Reverse};
 
 use super::SWAP_MARGIN;
 
-/// What an item is worth, and everything that breaks ties, so that the order is total and the same everywhere.
+/// What an item is worth, and everything that breaks ties, so that the order is total and the same
+/// everywhere.
 ///
 /// A parent always ranks above its children: its value is not smaller, it was wanted whenever they were, and
 /// its tile's index is smaller. So the lowest rank of a cache is a leaf, and no search for leaves is needed.

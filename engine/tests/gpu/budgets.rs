@@ -9,7 +9,11 @@ use crate::scene::still_life;
 fn one_slot_draws_without_holes() {
     let archive = Recipe::default().build();
     let (scene, camera) = still_life();
-    let one = Options { page_cache_bytes: SLOT_BYTES, column_cache_bytes: 1 << 18, ..options((160, 90)) };
+    let one = Options {
+        page_cache_bytes: SLOT_BYTES,
+        column_cache_bytes: 1 << 18,
+        ..options((160, 90))
+    };
     let mut engine = engine(&scene, &[("weave", &archive)], one);
     let frames = settle(&mut engine, &camera);
     save(&engine, "one_slot.png");
@@ -17,7 +21,11 @@ fn one_slot_draws_without_holes() {
     let picture = engine.picture().unwrap();
     for (pixel, ids) in picture.pixels.iter().zip(engine.visibility().unwrap()) {
         assert!(pixel.iter().all(|value| value.is_finite()));
-        assert_eq!(ids == [0, 0], *pixel == scene.background.to_array(), "{pixel:?} {ids:?}");
+        assert_eq!(
+            ids == [0, 0],
+            *pixel == scene.background.to_array(),
+            "{pixel:?} {ids:?}"
+        );
     }
 }
 
@@ -28,7 +36,10 @@ fn a_small_cache_with_room_for_all_shows_what_a_large_one_does() {
     let (scene, camera) = still_life();
     let mut large = engine(&scene, archives, options((160, 90)));
     let wanted = settle(&mut large, &camera).last().unwrap().pages_wanted;
-    let exact = Options { page_cache_bytes: SLOT_BYTES * u64::from(wanted), ..options((160, 90)) };
+    let exact = Options {
+        page_cache_bytes: SLOT_BYTES * u64::from(wanted),
+        ..options((160, 90))
+    };
     let mut small = engine(&scene, archives, exact);
     let last = *settle(&mut small, &camera).last().unwrap();
     assert_eq!(last.pages_resident, wanted);
@@ -45,13 +56,29 @@ fn errors_fall_and_slots_are_never_exceeded_as_the_cache_grows() {
     let (scene, camera) = still_life();
     let mut last_error = f64::INFINITY;
     for slots in [1, 3, 8, 24, 70] {
-        let budget = Options { page_cache_bytes: SLOT_BYTES * slots, ..options((320, 180)) };
+        let budget = Options {
+            page_cache_bytes: SLOT_BYTES * slots,
+            ..options((320, 180))
+        };
         let mut engine = engine(&scene, archives, budget);
         let frames = settle(&mut engine, &camera);
-        assert!(frames.iter().all(|frame| u64::from(frame.pages_resident) <= slots));
-        let error = relative_rmse(&engine.picture().unwrap(), &reference(&engine, &scene, &camera, archives));
-        println!("{slots} slots: relative RMSE {error:.4}, predicted {:.4}", frames.last().unwrap().predicted_rms);
-        assert!(error < last_error * 1.05, "{slots} slots: {error} after {last_error}");
+        assert!(
+            frames
+                .iter()
+                .all(|frame| u64::from(frame.pages_resident) <= slots)
+        );
+        let error = relative_rmse(
+            &engine.picture().unwrap(),
+            &reference(&engine, &scene, &camera, archives),
+        );
+        println!(
+            "{slots} slots: relative RMSE {error:.4}, predicted {:.4}",
+            frames.last().unwrap().predicted_rms
+        );
+        assert!(
+            error < last_error * 1.05,
+            "{slots} slots: {error} after {last_error}"
+        );
         last_error = error;
     }
     assert!(last_error < 1e-3);
@@ -62,13 +89,19 @@ fn the_least_host_memory_is_enough_and_is_kept_to() {
     let archive = Recipe::default().build();
     let archives: &[(&str, &[u8])] = &[("weave", &archive)];
     let (scene, mut camera) = still_life();
-    let least = Options { host_bytes: MIN_HOST_BYTES, ..options((160, 90)) };
+    let least = Options {
+        host_bytes: MIN_HOST_BYTES,
+        ..options((160, 90))
+    };
     let mut poor = engine(&scene, archives, least);
     let mut rich = engine(&scene, archives, options((160, 90)));
     for _ in 0..3 {
         camera.eye = camera.eye * 0.6 + camera.target * 0.4;
         let frames = settle(&mut poor, &camera);
-        assert!(frames.iter().all(|frame| frame.host_bytes <= MIN_HOST_BYTES), "{frames:?}");
+        assert!(
+            frames.iter().all(|frame| frame.host_bytes <= MIN_HOST_BYTES),
+            "{frames:?}"
+        );
         settle(&mut rich, &camera);
         assert!(poor.picture().unwrap() == rich.picture().unwrap());
     }
@@ -76,7 +109,13 @@ fn the_least_host_memory_is_enough_and_is_kept_to() {
 
 #[test]
 fn impossible_budgets_are_errors_that_name_them() {
-    let archive = Recipe { width: 64, height: 64, groups: 1, ..Default::default() }.build();
+    let archive = Recipe {
+        width: 64,
+        height: 64,
+        groups: 1,
+        ..Default::default()
+    }
+    .build();
     let (scene, camera) = still_life();
     let archives: &[(&str, &[u8])] = &[("weave", &archive)];
     let context = Context::headless().unwrap();
@@ -88,13 +127,34 @@ fn impossible_budgets_are_errors_that_name_them() {
     let good = options((32, 32));
     start(good.clone()).unwrap();
     for bad in [
-        Options { page_cache_bytes: SLOT_BYTES - 1, ..good.clone() },
-        Options { column_cache_bytes: 1000, ..good.clone() },
-        Options { host_bytes: 1000, ..good.clone() },
-        Options { size: (0, 32), ..good.clone() },
-        Options { size: (1 << 20, 32), ..good.clone() },
-        Options { uploads_per_frame: 0, ..good.clone() },
-        Options { feedback_stride: 0, ..good.clone() },
+        Options {
+            page_cache_bytes: SLOT_BYTES - 1,
+            ..good.clone()
+        },
+        Options {
+            column_cache_bytes: 1000,
+            ..good.clone()
+        },
+        Options {
+            host_bytes: 1000,
+            ..good.clone()
+        },
+        Options {
+            size: (0, 32),
+            ..good.clone()
+        },
+        Options {
+            size: (1 << 20, 32),
+            ..good.clone()
+        },
+        Options {
+            uploads_per_frame: 0,
+            ..good.clone()
+        },
+        Options {
+            feedback_stride: 0,
+            ..good.clone()
+        },
     ] {
         let error = start(bad.clone()).unwrap_err();
         assert!(matches!(error, Error::Budget(_)), "{bad:?}: {error}");

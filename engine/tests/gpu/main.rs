@@ -20,7 +20,12 @@ use scenes::{Camera, Scene, Surface};
 const LIMIT: Duration = Duration::from_secs(60);
 
 fn options(size: (u32, u32)) -> Options {
-    Options { size, page_cache_bytes: 32 << 20, column_cache_bytes: 64 << 20, ..Default::default() }
+    Options {
+        size,
+        page_cache_bytes: 32 << 20,
+        column_cache_bytes: 64 << 20,
+        ..Default::default()
+    }
 }
 
 fn engine(scene: &Scene, archives: &[(&str, &[u8])], options: Options) -> Engine {
@@ -39,8 +44,10 @@ fn settle(engine: &mut Engine, camera: &Camera) -> Vec<FrameStats> {
 
 /// The same pixels by the f64 reference, from the same archives.
 fn reference(engine: &Engine, scene: &Scene, camera: &Camera, archives: &[(&str, &[u8])]) -> Picture {
-    let factors: Vec<_> =
-        archives.iter().map(|(_, bytes)| FactorReflectance::new(&open(bytes)).unwrap()).collect();
+    let factors: Vec<_> = archives
+        .iter()
+        .map(|(_, bytes)| FactorReflectance::new(&open(bytes)).unwrap())
+        .collect();
     let of_material = |surface: &Surface| match surface {
         Surface::Btf { archive, .. } => {
             let at = archives.iter().position(|(name, _)| name == archive)?;
@@ -48,8 +55,18 @@ fn reference(engine: &Engine, scene: &Scene, camera: &Camera, archives: &[(&str,
         }
         Surface::Diffuse { .. } => None,
     };
-    let materials: Vec<_> = scene.materials.iter().map(|material| of_material(&material.surface)).collect();
-    shade(scene, camera, engine.size(), &engine.visibility().unwrap(), &materials)
+    let materials: Vec<_> = scene
+        .materials
+        .iter()
+        .map(|material| of_material(&material.surface))
+        .collect();
+    shade(
+        scene,
+        camera,
+        engine.size(),
+        &engine.visibility().unwrap(),
+        &materials,
+    )
 }
 
 /// Root mean square difference relative to the root mean square of `b`.
@@ -60,12 +77,18 @@ fn relative_rmse(a: &Picture, b: &Picture) -> f64 {
     (difference / square(&mut b.copied())).sqrt()
 }
 
+/// Keeps a picture to look at, in the folder that the environment variable EIGENTILE_TEST_PICTURES names.
 fn save(engine: &Engine, name: &str) {
-    let folder = std::path::Path::new("/tmp/gpu");
-    if folder.exists() {
+    if let Some(folder) = std::env::var_os("EIGENTILE_TEST_PICTURES") {
         let (width, height) = engine.size();
-        let pixels = engine.tonemapped().unwrap();
-        image::save_buffer(folder.join(name), &pixels, width, height, image::ColorType::Rgba8).unwrap();
+        let path = std::path::Path::new(&folder).join(name);
+        image::save_buffer(
+            path,
+            &engine.tonemapped().unwrap(),
+            width,
+            height,
+            image::ColorType::Rgba8,
+        )
+        .unwrap();
     }
 }
-

@@ -23,7 +23,15 @@ pub(crate) struct Recipe {
 
 impl Default for Recipe {
     fn default() -> Self {
-        Self { width: 256, height: 256, wrap: true, cosine: false, groups: 3, texture: weave, abrdf: glossy }
+        Self {
+            width: 256,
+            height: 256,
+            wrap: true,
+            cosine: false,
+            groups: 3,
+            texture: weave,
+            abrdf: glossy,
+        }
     }
 }
 
@@ -40,7 +48,13 @@ pub(crate) fn weave(component: u32, s: f64, t: f64) -> f64 {
 
 /// Directions in rings: what measured BTFs have, with fewer of them.
 pub(crate) fn directions() -> Vec<Direction> {
-    let rings = [(0.0, 1, 0.0), (20.0, 6, 0.0), (40.0, 12, 10.0), (60.0, 12, 0.0), (75.0, 18, 5.0)];
+    let rings = [
+        (0.0, 1, 0.0),
+        (20.0, 6, 0.0),
+        (40.0, 12, 10.0),
+        (60.0, 12, 0.0),
+        (75.0, 18, 5.0),
+    ];
     let ring = |(theta, count, offset): (f64, u32, f64)| {
         (0..count).map(move |i| Direction {
             theta: theta.to_radians(),
@@ -58,7 +72,11 @@ pub(crate) fn glossy(component: u32, view: [f64; 3], light: [f64; 3], rgb: usize
     let c = f64::from(component);
     let colour = [1.0, 0.7, 0.45][rgb];
     let lean = (c * 1.7).cos() * view[0] + (c * 0.9).sin() * light[1];
-    if component == 0 { colour * 0.7 + 0.5 * lobe } else { colour * lean + 0.3 * lobe * (c + rgb as f64).sin() }
+    if component == 0 {
+        colour * 0.7 + 0.5 * lobe
+    } else {
+        colour * lean + 0.3 * lobe * (c + rgb as f64).sin()
+    }
 }
 
 /// The first component white and diffuse, the others nothing: pictures show the first eigen-texture.
@@ -131,13 +149,23 @@ impl Recipe {
             }
             let square: f32 = mips[0].texels.iter().flatten().map(|v| v * v).sum();
             let weight = f64::from(square) / f64::from(self.width * self.height);
-            writer.add_column(group, encode_column(&column(self, &manifest, group)).unwrap(), weight).unwrap();
+            writer
+                .add_column(
+                    group,
+                    encode_column(&column(self, &manifest, group)).unwrap(),
+                    weight,
+                )
+                .unwrap();
             let mut decoded: Vec<Page> = Vec::new();
             for tile in pyramid.tiles() {
-                let parent = pyramid.parent(tile).map(|parent| &decoded[index(&pyramid, parent)]);
+                let parent = pyramid
+                    .parent(tile)
+                    .map(|parent| &decoded[index(&pyramid, parent)]);
                 let mip = &mips[usize::from(tile.mip)];
                 let page = encode_page(manifest.codec, &pyramid, tile, mip, parent).unwrap();
-                writer.add_page(PageId { group, tile }, page.bytes, page.weight).unwrap();
+                writer
+                    .add_page(PageId { group, tile }, page.bytes, page.weight)
+                    .unwrap();
                 decoded.push(page.decoded);
             }
         }

@@ -6,12 +6,21 @@ use scenes::{Camera, Instance, Light, Material, Mesh, Scene, Surface};
 pub(crate) fn btf(archive: &str, scale: f32) -> Material {
     Material {
         name: archive.into(),
-        surface: Surface::Btf { archive: archive.into(), uv_scale: Vec2::splat(scale), uv_offset: Vec2::ZERO },
+        surface: Surface::Btf {
+            archive: archive.into(),
+            uv_scale: Vec2::splat(scale),
+            uv_offset: Vec2::ZERO,
+        },
     }
 }
 
 pub(crate) fn diffuse(albedo: [f32; 3]) -> Material {
-    Material { name: "diffuse".into(), surface: Surface::Diffuse { albedo: albedo.into() } }
+    Material {
+        name: "diffuse".into(),
+        surface: Surface::Diffuse {
+            albedo: albedo.into(),
+        },
+    }
 }
 
 /// A square of side 2 in the plane y = 0, seen from above; texture coordinates from 0 to 1, v along z.
@@ -29,7 +38,10 @@ pub(crate) fn square(material: usize) -> Mesh {
 
 /// A sphere of radius 1.
 pub(crate) fn sphere(material: usize, columns: u32, rows: u32) -> Mesh {
-    let mut mesh = Mesh { material, ..Default::default() };
+    let mut mesh = Mesh {
+        material,
+        ..Default::default()
+    };
     for row in 0..=rows {
         for column in 0..=columns {
             let (u, v) = (column as f32 / columns as f32, row as f32 / rows as f32);
@@ -69,14 +81,29 @@ pub(crate) fn still_life() -> (Scene, Camera) {
         instances: vec![place(0, 4.0, [0.0; 3]), place(1, 0.8, [-0.9, 0.8, 0.0]), squeezed],
         materials: vec![btf("weave", 4.0), btf("weave", 2.0), diffuse([0.6, 0.3, 0.2])],
         lights: vec![
-            Light::Directional { to_light: Vec3::new(0.5, 0.8, 0.3).normalize(), irradiance: Vec3::new(2.0, 1.9, 1.7) },
-            Light::Point { position: Vec3::new(-1.5, 2.0, 1.5), intensity: Vec3::new(2.0, 3.0, 5.0) },
-            Light::Directional { to_light: Vec3::new(-0.9, 0.1, 0.0).normalize(), irradiance: Vec3::splat(0.5) },
+            Light::Directional {
+                to_light: Vec3::new(0.5, 0.8, 0.3).normalize(),
+                irradiance: Vec3::new(2.0, 1.9, 1.7),
+            },
+            Light::Point {
+                position: Vec3::new(-1.5, 2.0, 1.5),
+                intensity: Vec3::new(2.0, 3.0, 5.0),
+            },
+            Light::Directional {
+                to_light: Vec3::new(-0.9, 0.1, 0.0).normalize(),
+                irradiance: Vec3::splat(0.5),
+            },
         ],
         ambient: Vec3::new(0.15, 0.2, 0.3),
         background: Vec3::new(0.05, 0.06, 0.08),
         cameras: Vec::new(),
     };
-    let camera = Camera { eye: Vec3::new(0.0, 2.0, 4.5), target: Vec3::new(0.0, 0.6, 0.0), up: Vec3::Y, fov_y: 0.8, near: 0.05 };
+    let camera = Camera {
+        eye: Vec3::new(0.0, 2.0, 4.5),
+        target: Vec3::new(0.0, 0.6, 0.0),
+        up: Vec3::Y,
+        fov_y: 0.8,
+        near: 0.05,
+    };
     (scene, camera)
 }

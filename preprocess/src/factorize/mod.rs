@@ -20,9 +20,8 @@ use std::time::Instant;
 
 use faer::MatRef;
 
-use crate::progress::{Phase, ProgressFn};
+use crate::progress::ProgressFn;
 use crate::{Btf, Error, Result, memory};
-use plan::Plan;
 use stream::Stream;
 
 /// Below this share of ‖B‖² the difference ‖B‖² − ‖B·Q‖² is too close to the rounding of the f32 products (about
@@ -59,7 +58,7 @@ impl Default for Settings {
 /// Where time and bytes went.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Statistics {
-    /// Seconds of reading samples and converting them to f32.
+    /// Seconds of reading samples and converting them to f32: the mean over all threads.
     pub read_seconds: f64,
     /// Seconds of products with blocks of samples.
     pub product_seconds: f64,
@@ -154,26 +153,23 @@ pub fn factorize(btf: &Btf, settings: &Settings, progress: ProgressFn<'_>) -> Re
     let (rows, columns) = (btf.rows(), btf.columns());
     let smaller_side = rows.min(columns);
     let width = (settings.components as usize + settings.oversampling as usize).min(smaller_side);
-    let plan = Plan::new(btf, settings.components, width, settings.memory_bytes)?;
-    let mut stream = Stream::new(btf, plan.block_rows, progress);
+    let block_rows = plan::block_rows(btf, settings.components, width, settings.memory_bytes)?;
+    let mut stream = Stream::new(btf, block_rows, progress);
 
+    // Q is stored transposed: its rows are contiguous.
     let mut basis_seconds = 0.0;
     let mut q = timed(&mut basis_seconds, || {
-        basis::random_matrix(columns, width, settings.seed)
+        basis::random_matrix(width, columns, settings.seed)
     });
-    if settings.power_iterations == 0 {
-        basis::orthonormalize(&mut q, settings.seed)?; // nearly orthonormal where texels are many
-    }
     for number in 1..=settings.power_iterations {
-        q = subspace::power_iteration(&mut stream, number, &q)?;
-        timed(&mut basis_seconds, || {
-            basis::orthonormalize(&mut q, settings.seed)
-        })?;
+        let z = subspace::power_iteration(&mut stream, number, q.transpose())?;
+        drop(q);
+        q = timed(&mut basis_seconds, || basis::orthonormal_rows(z, settings.seed))?;
     }
-    let y = subspace::project(&mut stream, &q)?;
+    let y = subspace::project(&mut stream, q.transpose())?;
     let mut decompose_seconds = 0.0;
     let ritz = timed(&mut decompose_seconds, || {
-        ritz::ritz(&q, y, settings.components as usize)
+        ritz::ritz(q.transpose(), y, settings.components as usize)
     })?;
     drop(q);
     stream.statistics.sample_memory();
@@ -182,7 +178,10 @@ pub fn factorize(btf: &Btf, settings: &Settings, progress: ProgressFn<'_>) -> Re
     let explained: f64 = ritz.singular_values.iter().map(|value| value * value).sum();
     let mut residual_energy = totals.energy - explained;
     if residual_energy < DIRECT_RESIDUAL_SHARE * totals.energy {
-        residual_energy = measure_residual(&mut stream, &ritz.u, &ritz.v)?;
+        let components = ritz.singular_values.len();
+        let u = MatRef::from_column_major_slice(&ritz.u, rows, components);
+        let v = MatRef::from_row_major_slice(&ritz.v, components, columns);
+        residual_energy = subspace::residual(&mut stream, u, v)?;
     }
     let samples_per_channel = rows as f64 / 3.0 * columns as f64;
     Ok(Factors {
@@ -212,22 +211,6 @@ fn check(settings: &Settings) -> Result<()> {
         });
     }
     Ok(())
-}
-
-/// ‖B − U'ᵀV'‖² by one pass over the samples.
-fn measure_residual(stream: &mut Stream<'_>, u: &[f32], v: &[f32]) -> Result<f64> {
-    let (rows, columns) = (stream.rows(), stream.columns());
-    let components = u.len() / rows;
-    let u = MatRef::from_column_major_slice(u, rows, components);
-    let v = MatRef::from_row_major_slice(v, components, columns);
-    let mut energy = 0.0;
-    stream.pass(Phase::Residual, |range, mut block| {
-        let u = u.subrows(range.start, range.len());
-        subspace::subtract_product(block.as_mut(), u, v);
-        energy += stream::energy(block.as_ref());
-    })?;
-    stream.count_products(1, components);
-    Ok(energy)
 }
 
 /// Runs `work` and adds the seconds it takes.

@@ -4,7 +4,7 @@
 //! QᵀQ = L·Lᵀ in f64 corrects that: Q·L⁻ᵀ is orthonormal to f64 rounding, and (B·Q)·L⁻ᵀ is the projection on it.
 
 use faer::linalg::matmul::matmul;
-use faer::{Accum, Mat, MatMut, Par};
+use faer::{Accum, Mat, MatMut, MatRef, Par};
 use rayon::prelude::*;
 
 use super::basis::inverse_cholesky;
@@ -26,11 +26,11 @@ pub(super) struct Ritz {
     pub(super) v: Vec<f32>,
 }
 
-/// The best approximation of B of at most `components` terms within the span of `q`, from `y` = B·q.
-pub(super) fn ritz(q: &Mat<f32>, y: Mat<f32>, components: usize) -> Result<Ritz> {
-    let (rows, columns, width) = (y.nrows(), q.nrows(), q.ncols());
-    let correction = inverse_cholesky(&gram_of(q.as_ref()))?;
-    let projected = multiply_in_f64(&y, &correction);
+/// The best approximation of B of at most `components` terms within the span of `q`, from `y` = (B·q)ᵀ.
+pub(super) fn ritz(q: MatRef<'_, f32>, y: Mat<f32>, components: usize) -> Result<Ritz> {
+    let (rows, columns, width) = (y.ncols(), q.nrows(), q.ncols());
+    let correction = inverse_cholesky(&gram_of(q))?;
+    let projected = multiply_in_f64(y.transpose(), &correction);
     drop(y);
     let svd = projected
         .thin_svd()
@@ -78,7 +78,7 @@ pub(super) fn ritz(q: &Mat<f32>, y: Mat<f32>, components: usize) -> Result<Ritz>
     out.par_row_chunks_mut(PANEL_ROWS)
         .enumerate()
         .for_each(|(index, out)| {
-            let q = q.as_ref().subrows(index * PANEL_ROWS, out.nrows());
+            let q = q.subrows(index * PANEL_ROWS, out.nrows());
             matmul(out, Accum::Replace, q, rotation.as_ref(), 1.0, Par::Seq);
         });
     Ok(Ritz {
@@ -89,14 +89,14 @@ pub(super) fn ritz(q: &Mat<f32>, y: Mat<f32>, components: usize) -> Result<Ritz>
 }
 
 /// Y·X in f64.
-fn multiply_in_f64(y: &Mat<f32>, x: &Mat<f64>) -> Mat<f64> {
+fn multiply_in_f64(y: MatRef<'_, f32>, x: &Mat<f64>) -> Mat<f64> {
     let mut product = Mat::<f64>::zeros(y.nrows(), x.ncols());
     product
         .as_mut()
         .par_row_chunks_mut(PANEL_ROWS)
         .enumerate()
         .for_each(|(index, out)| {
-            let y = y.as_ref().subrows(index * PANEL_ROWS, out.nrows());
+            let y = y.subrows(index * PANEL_ROWS, out.nrows());
             let mut wide = Mat::<f64>::zeros(y.nrows(), y.ncols());
             widen(y, wide.as_mut());
             matmul(out, Accum::Replace, wide.as_ref(), x.as_ref(), 1.0, Par::Seq);

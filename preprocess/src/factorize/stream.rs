@@ -1,11 +1,15 @@
-//! Passes over a BTF in blocks of rows, each read once, converted to f32, used, and released.
+//! Passes over a BTF in blocks of rows, straight from its memory map.
 //!
-//! The resident memory of a pass is one block: as mapped samples and as f32.
+//! A block is never held as f32: each thread converts a few hundred texels of it into its own scratch memory,
+//! which stays in the second-level cache, and multiplies them there. Converting twice in a pass that needs two
+//! products is cheaper than writing f32 to memory and reading it again. Blocks that are done are released, so
+//! that a pass keeps one block of mapped samples resident.
 
 use std::ops::Range;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
-use faer::{MatMut, MatRef};
+use faer::MatMut;
 use rayon::prelude::*;
 
 use super::Statistics;
@@ -13,8 +17,21 @@ use crate::npy::{MAX_SAMPLE, Samples};
 use crate::progress::{Phase, Progress, ProgressFn};
 use crate::{Btf, Result};
 
-/// Samples converted at a time, so that they are summed while they are in the first-level cache.
-const CHUNK_SAMPLES: usize = 4096;
+/// Texels converted at a time: with 512 rows they take 1 MiB as f32.
+const PANEL_TEXELS: usize = 512;
+/// Distance of rows in scratch memory beyond their length: rows whole powers of two apart share cache sets.
+const PADDING: usize = 16;
+/// Texels of one task at least; more tasks would only make more partial sums.
+const MIN_TASK_TEXELS: usize = 2048;
+/// Tasks of a block at most: bounds the memory of their partial sums.
+pub(super) const MAX_TASKS: usize = 64;
+
+fn panel_rows() -> usize { std::env::var("PR").map_or(128, |x| x.parse().unwrap()) }
+fn panel_texels() -> usize { std::env::var("PT").map_or(2048, |x| x.parse().unwrap()) }
+/// Bytes of scratch memory per thread for blocks of this many rows.
+pub(super) fn scratch_bytes(block_rows: usize) -> usize {
+    block_rows * (PANEL_TEXELS + PADDING) * size_of::<f32>()
+}
 
 /// What is summed over all samples while they are read for the first time.
 #[derive(Clone, Copy, Debug, Default)]
@@ -25,12 +42,78 @@ pub(super) struct Totals {
     pub(super) sums: [f64; 3],
 }
 
+impl Totals {
+    pub(super) fn add(&mut self, other: Totals) {
+        self.energy += other.energy;
+        for (sum, other) in self.sums.iter_mut().zip(other.sums) {
+            *sum += other;
+        }
+    }
+}
+
+/// Consecutive rows of a BTF.
+pub(super) struct Block<'a> {
+    /// Which rows of the matrix.
+    pub(super) rows: Range<usize>,
+    /// Whether these samples are read for the first time and must be summed.
+    pub(super) first_time: bool,
+    columns: usize,
+    samples: Samples<'a>,
+    /// Time that threads spent on conversion, all together.
+    read_nanoseconds: &'a AtomicU64,
+}
+
+impl Block<'_> {
+    /// Splits the texels into tasks, which run on all threads; their results come in the order of the texels.
+    /// The split depends only on the number of texels, so that sums have the same bits on every machine.
+    pub(super) fn tasks<T: Send>(&self, work: impl Fn(Range<usize>) -> T + Sync) -> Vec<T> {
+        let texels = task_texels(self.columns);
+        (0..self.columns.div_ceil(texels))
+            .into_par_iter()
+            .map(|task| work(task * texels..self.columns.min((task + 1) * texels)))
+            .collect()
+    }
+
+    /// Calls `work` with panels that together are the texels of `range`: the first row within the block, the first
+    /// texel, and the samples in f32, rows × texels, row-major, which may be overwritten.
+    pub(super) fn panels(&self, range: Range<usize>, mut work: impl FnMut(usize, usize, MatMut<'_, f32>)) {
+        let stride = panel_texels().min(range.len()) + PADDING;
+        let mut scratch = vec![0f32; panel_rows().min(self.rows.len()) * stride];
+        for start in range.clone().step_by(panel_texels()) {
+            let texels = panel_texels().min(range.end - start);
+            for first_row in (0..self.rows.len()).step_by(panel_rows()) {
+                let rows = panel_rows().min(self.rows.len() - first_row);
+                let began = Instant::now();
+                for (row, out) in scratch.chunks_exact_mut(stride).enumerate().take(rows) {
+                    let from = (first_row + row) * self.columns + start;
+                    self.samples.slice(from..from + texels).to_f32(&mut out[..texels]);
+                }
+                self.read_nanoseconds.fetch_add(began.elapsed().as_nanos() as u64, Ordering::Relaxed);
+                // Not `from_row_major_slice_with_stride_mut`, which in faer 0.24.4 takes the stride for that of
+                // columns.
+                let panel = MatMut::from_column_major_slice_with_stride_mut(&mut scratch, texels, rows, stride);
+                work(first_row, start, panel.transpose_mut());
+            }
+        }
+    }
+
+    /// Sums over a panel of this block.
+    pub(super) fn totals(&self, first_row: usize, panel: MatMut<'_, f32>) -> Totals {
+        let mut totals = Totals::default();
+        for (index, row) in panel.as_ref().row_iter().enumerate() {
+            let samples = row.try_as_row_major().map_or(&[][..], |row| row.as_slice());
+            let (sum, energy) = sum_in_f64(samples);
+            totals.energy += energy;
+            totals.sums[(self.rows.start + first_row + index) % 3] += sum;
+        }
+        totals
+    }
+}
+
 /// A BTF as a sequence of blocks of rows.
 pub(super) struct Stream<'a> {
     btf: &'a Btf,
     block_rows: usize,
-    /// [row of the block][texel].
-    block: Vec<f32>,
     progress: ProgressFn<'a>,
     /// Known after the first pass.
     totals: Option<Totals>,
@@ -39,16 +122,16 @@ pub(super) struct Stream<'a> {
 
 impl<'a> Stream<'a> {
     pub(super) fn new(btf: &'a Btf, block_rows: usize, progress: ProgressFn<'a>) -> Self {
+        let statistics = Statistics {
+            block_rows,
+            ..Statistics::default()
+        };
         Self {
             btf,
             block_rows,
-            block: vec![0.0; block_rows * btf.columns()],
             progress,
             totals: None,
-            statistics: Statistics {
-                block_rows,
-                ..Statistics::default()
-            },
+            statistics,
         }
     }
 
@@ -64,8 +147,8 @@ impl<'a> Stream<'a> {
 
     /// Counts the operations of `count` products of the whole matrix with `width` vectors.
     pub(super) fn count_products(&mut self, count: u32, width: usize) {
-        self.statistics.product_flops +=
-            f64::from(count) * 2.0 * self.rows() as f64 * self.columns() as f64 * width as f64;
+        let multiplications = self.rows() as f64 * self.columns() as f64 * width as f64;
+        self.statistics.product_flops += f64::from(count) * 2.0 * multiplications;
     }
 
     /// Sums over the whole BTF; zero before the first pass.
@@ -73,55 +156,41 @@ impl<'a> Stream<'a> {
         self.totals.unwrap_or_default()
     }
 
-    /// One pass: `work` gets the range of rows and their samples, rows × texels, row-major, which it may
-    /// overwrite.
-    ///
-    /// The first pass checks every sample.
-    pub(super) fn pass(
-        &mut self,
-        phase: Phase,
-        mut work: impl FnMut(Range<usize>, MatMut<'_, f32>),
-    ) -> Result<()> {
-        let (rows, columns) = (self.btf.rows(), self.btf.columns());
-        let first_pass = self.totals.is_none();
+    /// One pass: `work` gets every block, and returns sums over it if it is there for the first time.
+    pub(super) fn pass(&mut self, phase: Phase, mut work: impl FnMut(&Block<'_>) -> Totals) -> Result<()> {
+        let (rows, columns) = (self.rows(), self.columns());
+        let first_time = self.totals.is_none();
         let mut totals = Totals::default();
+        let read_nanoseconds = AtomicU64::new(0);
+        let began = Instant::now();
         for start in (0..rows).step_by(self.block_rows) {
-            let end = (start + self.block_rows).min(rows);
+            let range = start..(start + self.block_rows).min(rows);
             (self.progress)(Progress {
                 phase,
                 done: start as u64,
                 total: rows as u64,
             });
-            self.btf.prefetch(end..(end + self.block_rows).min(rows));
-
-            let began = Instant::now();
-            let block = &mut self.block[..(end - start) * columns];
-            let samples = self.btf.row_block(start..end);
-            if first_pass {
-                let sums = convert_and_sum(samples, block, columns);
-                for (row, &(sum, energy)) in (start..end).zip(&sums) {
-                    // A NaN or infinity anywhere makes the sum of squares one, and a sample above the limit
-                    // makes it exceed the limit's square.
-                    if !(energy <= MAX_SAMPLE * MAX_SAMPLE)
-                        && let Some(error) = self.btf.find_bad_sample(row..row + 1)
-                    {
-                        return Err(error);
-                    }
-                    totals.energy += energy;
-                    totals.sums[row % 3] += sum;
-                }
-            } else {
-                convert(samples, block);
+            self.btf
+                .prefetch(range.end..(range.end + self.block_rows).min(rows));
+            let samples = self.btf.row_block(range.clone());
+            let read_nanoseconds = &read_nanoseconds;
+            let sums = work(&Block {
+                rows: range.clone(),
+                first_time,
+                columns,
+                samples,
+                read_nanoseconds,
+            });
+            // A NaN or infinity anywhere makes the sum of squares one, and a sample above the limit makes it
+            // exceed the limit's square.
+            if first_time
+                && !(sums.energy <= MAX_SAMPLE * MAX_SAMPLE)
+                && let Some(error) = self.btf.find_bad_sample(range.clone())
+            {
+                return Err(error);
             }
-            self.btf.release(start..end);
-            self.statistics.read_seconds += began.elapsed().as_secs_f64();
-
-            let began = Instant::now();
-            work(
-                start..end,
-                MatMut::from_row_major_slice_mut(block, end - start, columns),
-            );
-            self.statistics.product_seconds += began.elapsed().as_secs_f64();
+            totals.add(sums);
+            self.btf.release(range);
             self.statistics.sample_memory();
         }
         (self.progress)(Progress {
@@ -129,6 +198,9 @@ impl<'a> Stream<'a> {
             done: rows as u64,
             total: rows as u64,
         });
+        let read = read_nanoseconds.into_inner() as f64 * 1e-9 / rayon::current_num_threads() as f64;
+        self.statistics.read_seconds += read;
+        self.statistics.product_seconds += (began.elapsed().as_secs_f64() - read).max(0.0);
         self.totals.get_or_insert(totals);
         self.statistics.passes += 1;
         self.statistics.bytes_read += self.btf.sample_bytes();
@@ -136,31 +208,9 @@ impl<'a> Stream<'a> {
     }
 }
 
-/// Converts samples to f32, on all threads.
-fn convert(samples: Samples<'_>, out: &mut [f32]) {
-    let chunk = CHUNK_SAMPLES * 16; // large enough that scheduling costs nothing
-    out.par_chunks_mut(chunk).enumerate().for_each(|(index, out)| {
-        samples
-            .slice(index * chunk..index * chunk + out.len())
-            .to_f32(out);
-    });
-}
-
-/// Converts rows of samples to f32, and gives sum and sum of squares of each row.
-fn convert_and_sum(samples: Samples<'_>, out: &mut [f32], columns: usize) -> Vec<(f64, f64)> {
-    let convert_row = |(row, out): (usize, &mut [f32])| {
-        let mut totals = (0.0, 0.0);
-        for (index, out) in out.chunks_mut(CHUNK_SAMPLES).enumerate() {
-            let start = row * columns + index * CHUNK_SAMPLES;
-            samples.slice(start..start + out.len()).to_f32(out);
-            let (sum, energy) = sum_in_f64(out);
-            totals.0 += sum;
-            totals.1 += energy;
-        }
-        totals
-    };
-    // Collected in order and summed by the caller in order: the same bits whatever the threads do.
-    out.par_chunks_mut(columns).enumerate().map(convert_row).collect()
+/// Texels of one task.
+pub(super) fn task_texels(columns: usize) -> usize {
+    columns.div_ceil(MAX_TASKS).max(MIN_TASK_TEXELS)
 }
 
 /// Sum and sum of squares, in eight lanes that the compiler keeps in vector registers.
@@ -179,18 +229,4 @@ fn sum_in_f64(samples: &[f32]) -> (f64, f64) {
         }
     }
     (sums.iter().sum(), energies.iter().sum())
-}
-
-/// Sum of squares of a block whose rows are contiguous.
-pub(super) fn energy(block: MatRef<'_, f32>) -> f64 {
-    let rows: Vec<f64> = (0..block.nrows())
-        .into_par_iter()
-        .map(|row| {
-            let row = block.row(row).try_as_row_major().map(|row| row.as_slice());
-            row.map_or(f64::NAN, |row| {
-                row.chunks(CHUNK_SAMPLES).map(|chunk| sum_in_f64(chunk).1).sum()
-            })
-        })
-        .collect();
-    rows.iter().sum()
 }

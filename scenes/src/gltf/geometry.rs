@@ -89,7 +89,7 @@ fn triangles(mode: &Checked<Mode>, corners: Vec<u32>) -> Detail<Vec<u32>> {
     };
     match mode {
         Checked::Valid(Mode::Triangles) => {
-            if corners.len() % 3 != 0 {
+            if !corners.len().is_multiple_of(3) {
                 return Err(format!("{} corners, not a multiple of three", corners.len()));
             }
             Ok(corners

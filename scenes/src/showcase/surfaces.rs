@@ -79,15 +79,30 @@ pub(super) fn ball(centre: Vec3, radius: f32) -> Mesh {
     })
 }
 
-/// A flat, worn stone: a sphere pressed and dented.
-pub(super) fn stone() -> Mesh {
-    grid(48, 28, Vec2::new(3.0, 1.0), |s, t| {
-        let (around, up) = (s * TAU, (t - 0.5) * PI * 0.99);
-        let unit = Vec3::new(up.cos() * around.cos(), up.sin(), -up.cos() * around.sin());
-        let dents = 0.09 * (3.1 * unit.x + 1.0).sin() + 0.08 * (2.7 * unit.z - 0.4 + unit.y).sin();
-        let unit = unit * (1.0 + dents);
-        Vec3::new(unit.x * 0.19, unit.y * 0.085 + 0.07, unit.z * 0.14)
-    })
+/// A sheet over a square whose corners are drawn in: `drawn` is 0 for a square, ½ for a disc. `half` is half of each
+/// side, `height` that of the middle above the rim; `up` is 1 for the upper sheet, -1 for the lower one.
+fn pillow(half: Vec2, drawn: f32, height: f32, up: f32) -> impl Fn(f32, f32) -> Vec3 {
+    move |s, t| {
+        let (a, b) = ((s - 0.5) * PI, (t - 0.5) * PI);
+        let (p, q) = (a.sin(), b.sin());
+        let rise = height * a.cos() * b.cos() * (1.0 + 0.25 * p * p * q * q);
+        let outline = |p: f32, q: f32| p * (1.0 - drawn * q * q).sqrt();
+        Vec3::new(half.x * outline(p, q), up * rise, -up * half.y * outline(q, p))
+    }
+}
+
+/// A flat, worn stone: an upper and a lower half.
+pub(super) fn stone() -> [Mesh; 2] {
+    let half = |height: f32, up: f32| {
+        let sheet = pillow(Vec2::new(0.2, 0.15), 0.46, height, up);
+        grid(32, 32, Vec2::new(1.0, 1.0), move |s, t| {
+            let point = sheet(s, t);
+            let dents =
+                0.09 * (13.0 * point.x + 1.0).sin() + 0.08 * (15.0 * point.z - 0.4 + 9.0 * point.y).sin();
+            point * (1.0 + dents) + Vec3::Y * 0.05
+        })
+    };
+    [half(0.13, 1.0), half(0.06, -1.0)]
 }
 
 /// Half the outline of the vase: radius and height in metres, from the foot over the lip and down inside.
@@ -202,20 +217,15 @@ pub(super) fn knot() -> Mesh {
 
 /// Half the side of the cushion, and the height of its upper half, metres; the lower half is flatter.
 const CUSHION: Vec2 = Vec2::new(0.3, 0.135);
+/// How far its corners are drawn in.
+const CUSHION_DRAWN: f32 = 0.3;
 
 /// A square cushion: two sheets and the welt that joins them.
 pub(super) fn cushion() -> [Mesh; 3] {
-    // A square whose corners are drawn in, towards those of a disc.
-    let outline = |p: f32, q: f32| CUSHION.x * p * (1.0 - 0.3 * q * q).sqrt();
-    let sheet = |s: f32, t: f32, up: f32| {
-        let (a, b) = ((s - 0.5) * PI, (t - 0.5) * PI);
-        let (p, q) = (a.sin(), b.sin());
-        let height = CUSHION.y * a.cos() * b.cos() * (1.0 + 0.25 * p * p * q * q);
-        Vec3::new(
-            outline(p, q),
-            CUSHION.y * 0.5 + if up > 0.0 { height } else { -0.5 * height },
-            -up * outline(q, p),
-        )
+    let outline = |p: f32, q: f32| CUSHION.x * p * (1.0 - CUSHION_DRAWN * q * q).sqrt();
+    let sheet = |height: f32, up: f32| {
+        let sheet = pillow(Vec2::splat(CUSHION.x), CUSHION_DRAWN, height, up);
+        move |s: f32, t: f32| sheet(s, t) + Vec3::Y * (CUSHION.y * 0.5)
     };
     let welt = |s: f32| {
         let around = s.rem_euclid(1.0) * 4.0;
@@ -230,8 +240,8 @@ pub(super) fn cushion() -> [Mesh; 3] {
         Vec3::new(x, CUSHION.y * 0.5, z)
     };
     [
-        grid(36, 36, Vec2::splat(2.0), |s, t| sheet(s, t, 1.0)),
-        grid(24, 24, Vec2::splat(2.0), |s, t| sheet(s, t, -1.0)),
+        grid(36, 36, Vec2::splat(2.0), sheet(CUSHION.y, 1.0)),
+        grid(24, 24, Vec2::splat(2.0), sheet(CUSHION.y * 0.5, -1.0)),
         tube(160, 8, 0.009, Vec2::new(32.0, 1.0), welt),
     ]
 }

@@ -8,13 +8,15 @@
 use super::materials::Material;
 use super::random::{mix, unit};
 use super::reflectance::{BOUNCE_UNIT, LANES, Lights};
-use super::surface::{LIFT, attributes, project, visible};
+use super::surface::{LIFT, Place, attributes, project, visible};
 use super::volume::Volume;
 use glam::Vec3;
 use rayon::prelude::*;
 
 /// Side of a patch in voxels.
 const PATCH: usize = 4;
+/// Patches whose shadow rays are traced together.
+const BLOCK: usize = 64;
 /// Rays per patch.
 const RAYS: usize = 24;
 
@@ -33,31 +35,26 @@ pub(super) struct Bounce {
     pub(super) shadow_rays: u64,
 }
 
-/// A patch before its light is known.
-struct Patch {
-    position: Vec3,
-    normal: Vec3,
-    albedo: Vec3,
-    /// Cosine, or 0 where the light is not visible, per padded light.
-    lit: Vec<f32>,
-    shadow_rays: u64,
-}
-
 impl Bounce {
     pub(super) fn new(volume: &Volume, material: &dyn Material, lights: &Lights) -> Bounce {
         let keys = occupied(volume);
-        let patches: Vec<Patch> = keys.par_iter().map(|&key| patch(volume, material, lights, key)).collect();
-        let stride = 3 * lights.padded();
-        let mut light = vec![0; keys.len() * stride];
-        light.par_chunks_mut(stride).zip(&patches).zip(&keys).for_each(|((light, patch), &key)| {
-            let mut sum = vec![0.0; stride];
-            for hit in hemisphere(patch.normal, key)
-                .filter_map(|direction| volume.march(patch.position + LIFT * patch.normal, direction))
+        let padded = lights.padded();
+        let places: Vec<Place> = keys.par_iter().map(|&key| place(volume, key)).collect();
+        let albedo: Vec<Vec3> = places.par_iter().map(|place| mean_albedo(volume, material, place)).collect();
+        // Cosine, or 0 where the light is not visible, per padded light.
+        let mut lit = vec![0.0f32; keys.len() * padded];
+        let work = lit.par_chunks_mut(BLOCK * padded).zip(places.par_chunks(BLOCK));
+        let shadow_rays = work.map(|(lit, places)| direct_light(volume, lights, places, lit)).sum();
+        let mut light = vec![0; keys.len() * 3 * padded];
+        light.par_chunks_mut(3 * padded).zip(&places).zip(&keys).for_each(|((light, place), &key)| {
+            let mut sum = vec![0.0; 3 * padded];
+            for hit in hemisphere(place.normal, key)
+                .filter_map(|direction| volume.march(place.position + LIFT * place.normal, direction))
                 .filter_map(|p| keys.binary_search(&key_of(volume, p)).ok())
             {
-                let other = &patches[hit];
-                for (sum, albedo) in sum.chunks_mut(lights.padded()).zip(other.albedo.to_array()) {
-                    for (sum, lit) in sum.iter_mut().zip(&other.lit) {
+                let lit = &lit[hit * padded..][..padded];
+                for (sum, albedo) in sum.chunks_mut(padded).zip(albedo[hit].to_array()) {
+                    for (sum, lit) in sum.iter_mut().zip(lit) {
                         *sum += albedo * lit;
                     }
                 }
@@ -67,13 +64,13 @@ impl Bounce {
             }
         });
         let bounce_rays = (keys.len() * RAYS) as u64;
-        let shadow_rays = patches.iter().map(|p| p.shadow_rays).sum();
-        let normals = patches.iter().map(|p| p.normal).collect();
-        Bounce { keys, normals, light, stride, bounce_rays, shadow_rays }
+        let normals = places.iter().map(|place| place.normal).collect();
+        Bounce { keys, normals, light, stride: 3 * padded, bounce_rays, shadow_rays }
     }
 
-    /// The patch whose light a cell at `position` takes; `seed` picks the random move.
-    pub(super) fn patch_near(&self, volume: &Volume, position: Vec3, normal: Vec3, seed: u32) -> u32 {
+    /// The patch whose light a cell at `place` takes; `seed` picks the random move.
+    pub(super) fn patch_near(&self, volume: &Volume, place: &Place, seed: u32) -> u32 {
+        let Place { position, normal } = *place;
         let random = |n: u32| unit(mix(seed ^ mix(n))) - 0.5;
         let moved = PATCH as f32 * Vec3::new(random(1), random(2), random(3));
         let along = moved - normal * normal.dot(moved);
@@ -87,7 +84,11 @@ impl Bounce {
     /// Bounced light of a patch, `[rgb][light]`; empty if there is no such patch.
     #[inline(always)]
     pub(super) fn light(&self, patch: u32) -> &[u16] {
-        if patch == u32::MAX { &[] } else { &self.light[patch as usize * self.stride..][..self.stride] }
+        if patch == u32::MAX {
+            &[]
+        } else {
+            &self.light[patch as usize * self.stride..][..self.stride]
+        }
     }
 }
 
@@ -121,7 +122,11 @@ fn occupied(volume: &Volume) -> Vec<u32> {
             }
             let sample = |n: usize| {
                 let span = PATCH + 1;
-                let offset = Vec3::new((n % span) as f32, (n / span % span) as f32, (n / span / span) as f32);
+                let offset = Vec3::new(
+                    (n % span) as f32,
+                    (n / span % span) as f32,
+                    (n / span / span) as f32,
+                );
                 volume.nearest(volume.wrap(corner + offset)) < 0.0
             };
             let first = sample(0);
@@ -130,26 +135,35 @@ fn occupied(volume: &Volume) -> Vec<u32> {
         .collect()
 }
 
-fn patch(volume: &Volume, material: &dyn Material, lights: &Lights, key: u32) -> Patch {
+fn place(volume: &Volume, key: u32) -> Place {
     let center = corner(volume, key) + PATCH as f32 * 0.5;
-    let (position, normal) = project(volume, project(volume, center).0);
-    // The patch's albedo is the mean of a few of its points.
-    let frame = normal.any_orthonormal_pair();
-    let mut albedo = Vec3::ZERO;
-    for (x, y) in [(-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0), (1.0, 1.0)] {
-        let (position, normal) = project(volume, position + frame.0 * x + frame.1 * y);
-        let found = attributes(volume, material, position, normal);
-        albedo += 0.25 * (found.diffuse + 0.5 * found.specular).min(Vec3::splat(0.95));
-    }
-    let mut mask = vec![0; lights.mask_bytes()];
-    let shadow_rays = visible(volume, lights, position, normal, &mut mask);
-    let mut lit = vec![0.0; lights.padded()];
-    for (light, lit) in lit.iter_mut().enumerate().take(lights.count) {
-        if mask[light / LANES] >> (light % LANES) & 1 == 1 {
-            *lit = normal.dot(lights.direction(light)).max(0.0);
+    project(volume, project(volume, center).position)
+}
+
+/// What a few points of a patch reflect of all light, on average; half of the glossy part counts.
+fn mean_albedo(volume: &Volume, material: &dyn Material, place: &Place) -> Vec3 {
+    let (right, up) = place.normal.any_orthonormal_pair();
+    let corners = [right + up, right - up, -right + up, -right - up];
+    let albedo = |offset: Vec3| {
+        let found = attributes(volume, material, &project(volume, place.position + offset));
+        (found.diffuse + 0.5 * found.specular).clamp(Vec3::ZERO, Vec3::splat(0.95))
+    };
+    0.25 * corners.into_iter().map(albedo).sum::<Vec3>()
+}
+
+/// Writes the cosines of visible lights, `[patch][light]`, and counts the rays that this took.
+fn direct_light(volume: &Volume, lights: &Lights, places: &[Place], lit: &mut [f32]) -> u64 {
+    let (padded, bytes) = (lights.padded(), lights.mask_bytes());
+    let mut masks = vec![0; places.len() * bytes];
+    let rays = visible(volume, lights, places, &mut masks);
+    for ((lit, mask), place) in lit.chunks_mut(padded).zip(masks.chunks(bytes)).zip(places) {
+        for (light, lit) in lit.iter_mut().enumerate().take(lights.count) {
+            if mask[light / LANES] >> (light % LANES) & 1 == 1 {
+                *lit = place.normal.dot(lights.direction(light)).max(0.0);
+            }
         }
     }
-    Patch { position, normal, albedo, lit, shadow_rays }
+    rays
 }
 
 /// Directions around `normal`, distributed like the cosine: a spiral on the disc, turned at random.

@@ -17,7 +17,7 @@ const HALF_DIAGONAL: f32 = 0.87;
 impl Volume {
     /// Where the ray from `origin` first enters the solid, in grid coordinates with x and y in [0, side); none if it
     /// leaves through the top. `direction` is a unit vector.
-    #[inline]
+    #[inline(always)]
     pub(super) fn march(&self, origin: Vec3, direction: Vec3) -> Option<Vec3> {
         let mut p = self.wrap(origin);
         let mut before = (0.0, 0.0);
@@ -28,7 +28,8 @@ impl Volume {
             if p.z <= 0.0 {
                 return Some(p);
             }
-            let coarse = self.nearest(p);
+            // Right after a close approach the surface is surely near.
+            let coarse = if (0.01..0.9).contains(&before.1) { 0.0 } else { self.nearest(p) };
             let step = if coarse > 1.9 {
                 before = (0.0, 0.0);
                 coarse - HALF_DIAGONAL + SLACK
@@ -49,7 +50,7 @@ impl Volume {
     }
 
     /// Whether the ray from `origin` leaves through the top.
-    #[inline]
+    #[inline(always)]
     pub(super) fn escapes(&self, origin: Vec3, direction: Vec3) -> bool {
         self.march(origin, direction).is_none()
     }
@@ -84,7 +85,9 @@ mod tests {
     fn hits_the_wall_and_the_floor() {
         let volume = Volume::build(&Wall, 128);
         let down = |x: f32| {
-            volume.march(Vec3::new(x * 128.0, 20.0, volume.top), Vec3::NEG_Z).map(|p| volume.material_from_grid(p).z)
+            volume
+                .march(Vec3::new(x * 128.0, 20.0, volume.top), Vec3::NEG_Z)
+                .map(|p| volume.material_from_grid(p).z)
         };
         assert!((down(0.5).unwrap() - 0.3).abs() < 0.01);
         assert!(down(0.8).unwrap().abs() < 0.01);
@@ -95,7 +98,13 @@ mod tests {
         let volume = Volume::build(&Wall, 128);
         let floor = Vec3::new(0.9 * 128.0, 3.0, 4.0);
         assert!(volume.escapes(floor, Vec3::Z));
-        assert!(!volume.escapes(floor, Vec3::new(1.0, 0.0, 0.2).normalize()), "wraps to the wall");
-        assert!(volume.escapes(floor, Vec3::new(0.0, 1.0, 0.2).normalize()), "along the wall");
+        assert!(
+            !volume.escapes(floor, Vec3::new(1.0, 0.0, 0.2).normalize()),
+            "wraps to the wall"
+        );
+        assert!(
+            volume.escapes(floor, Vec3::new(0.0, 1.0, 0.2).normalize()),
+            "along the wall"
+        );
     }
 }

@@ -30,7 +30,9 @@ impl Noise {
 
     /// An independent source derived from this one.
     pub(super) fn derive(self, index: u32) -> Noise {
-        Noise { key: mix(self.key ^ mix(index.wrapping_add(0x9e37_79b9))) }
+        Noise {
+            key: mix(self.key ^ mix(index.wrapping_add(0x9e37_79b9))),
+        }
     }
 
     /// Random bits of a lattice point.
@@ -69,7 +71,11 @@ impl Noise {
         let (mut sum, mut amplitude, mut total) = (0.0, 1.0, 0.0);
         for octave in 0..octaves {
             let period = [frequency[0] << octave, frequency[1] << octave];
-            let scale = Vec3::new(period[0] as f32, period[1] as f32, period[0].max(period[1]) as f32);
+            let scale = Vec3::new(
+                period[0] as f32,
+                period[1] as f32,
+                period[0].max(period[1]) as f32,
+            );
             sum += amplitude * self.derive(octave).space(p * scale, period);
             total += amplitude;
             amplitude *= 0.5;
@@ -92,11 +98,18 @@ impl Noise {
                 best = (squared, point.0, id);
             }
         }
-        let edge = points.iter().filter(|other| other.1 != best.2).map(|&(other, _)| {
-            let across = other - best.1;
-            (other + best.1).dot(across) * 0.5 / across.length().max(1e-6)
-        });
-        Cell { nearest: best.0.sqrt(), edge: edge.fold(f32::MAX, f32::min).max(0.0), id: best.2 }
+        let edge = points
+            .iter()
+            .filter(|other| other.1 != best.2)
+            .map(|&(other, _)| {
+                let across = other - best.1;
+                (other + best.1).dot(across) * 0.5 / across.length().max(1e-6)
+            });
+        Cell {
+            nearest: best.0.sqrt(),
+            edge: edge.fold(f32::MAX, f32::min).max(0.0),
+            id: best.2,
+        }
     }
 }
 
@@ -132,15 +145,19 @@ mod tests {
             let p = vec3(i as f32 * 0.37, i as f32 * 0.11, i as f32 * 0.05);
             let moved = p + vec3(6.0, -5.0, 0.0);
             assert!((noise().space(p, [6, 5]) - noise().space(moved, [6, 5])).abs() < 1e-4);
-            let (a, b) = (noise().cells(p.truncate(), [6, 5]), noise().cells(moved.truncate(), [6, 5]));
+            let (a, b) = (
+                noise().cells(p.truncate(), [6, 5]),
+                noise().cells(moved.truncate(), [6, 5]),
+            );
             assert!((a.edge - b.edge).abs() < 1e-4 && a.id == b.id);
         }
     }
 
     #[test]
     fn balanced_and_bounded() {
-        let values: Vec<f32> =
-            (0..4000).map(|i| noise().fractal(vec3(i as f32 * 0.0137, i as f32 * 0.0071, 0.3), [8, 8], 4)).collect();
+        let values: Vec<f32> = (0..4000)
+            .map(|i| noise().fractal(vec3(i as f32 * 0.0137, i as f32 * 0.0071, 0.3), [8, 8], 4))
+            .collect();
         let mean = values.iter().sum::<f32>() / values.len() as f32;
         assert!(mean.abs() < 0.1, "{mean}");
         assert!(values.iter().all(|v| v.abs() < 1.6));

@@ -89,7 +89,12 @@ impl Lights {
             values.resize(padded, 0.0);
             values
         };
-        Lights { count: directions.len(), x: axis(|d| d.x), y: axis(|d| d.y), z: axis(|d| d.z) }
+        Lights {
+            count: directions.len(),
+            x: axis(|d| d.x),
+            y: axis(|d| d.y),
+            z: axis(|d| d.z),
+        }
     }
 
     /// Number of lights with the padding.
@@ -120,13 +125,16 @@ pub(super) struct View {
 impl View {
     pub(super) fn new(direction: Vec3, lights: &Lights) -> View {
         let cosine = |l: usize| {
-            (lights.x[l] * direction.x + lights.y[l] * direction.y + lights.z[l] * direction.z).clamp(-1.0, 1.0)
+            (lights.x[l] * direction.x + lights.y[l] * direction.y + lights.z[l] * direction.z)
+                .clamp(-1.0, 1.0)
         };
         let squared = |l: usize| 2.0 + 2.0 * cosine(l);
         View {
             direction,
             half_length_4: (0..lights.padded()).map(|l| squared(l) * squared(l)).collect(),
-            fresnel: (0..lights.padded()).map(|l| (1.0 - 0.5 * squared(l).sqrt()).max(0.0).powi(5)).collect(),
+            fresnel: (0..lights.padded())
+                .map(|l| (1.0 - 0.5 * squared(l).sqrt()).max(0.0).powi(5))
+                .collect(),
         }
     }
 }
@@ -268,8 +276,17 @@ mod tests {
                 let theta = (i as f32 + 0.5) / steps as f32 * std::f32::consts::FRAC_PI_2;
                 let phi = (j as f32 + 0.5) / (2 * steps) as f32 * std::f32::consts::TAU;
                 let mut sum = [0.0; 24];
-                shade(point, &[1], &[], &View::new(direction(theta, phi), &lights), &lights, &mut [0.0; 32], &mut sum);
-                let solid_angle = theta.sin() * std::f32::consts::FRAC_PI_2 / steps as f32 * std::f32::consts::PI
+                shade(
+                    point,
+                    &[1],
+                    &[],
+                    &View::new(direction(theta, phi), &lights),
+                    &lights,
+                    &mut [0.0; 32],
+                    &mut sum,
+                );
+                let solid_angle = theta.sin() * std::f32::consts::FRAC_PI_2 / steps as f32
+                    * std::f32::consts::PI
                     / steps as f32;
                 total += sum[0] * theta.cos() * solid_angle / std::f32::consts::PI;
             }
@@ -282,8 +299,14 @@ mod tests {
         for (diffuse, specular) in [(1.0, 0.0), (0.0, 1.0), (1.0, 0.04), (1.0, 0.5)] {
             for roughness in [[0.15, 0.15], [0.5, 0.5], [1.0, 1.0], [0.2, 0.6]] {
                 for theta in [0.0, 0.5, 1.0, 1.3] {
-                    let value = albedo(&attributes(diffuse, specular, roughness).prepare(), direction(theta, 0.3));
-                    assert!(value < 1.06, "{diffuse} {specular} {roughness:?} {theta}: {value}");
+                    let value = albedo(
+                        &attributes(diffuse, specular, roughness).prepare(),
+                        direction(theta, 0.3),
+                    );
+                    assert!(
+                        value < 1.06,
+                        "{diffuse} {specular} {roughness:?} {theta}: {value}"
+                    );
                     assert!(value > 0.2, "{diffuse} {specular} {roughness:?} {theta}: {value}");
                 }
             }
@@ -297,7 +320,15 @@ mod tests {
         let towards = |light: Vec3, view: Vec3| {
             let lights = Lights::new(&[light]);
             let mut sum = [0.0; 24];
-            shade(&point, &[1], &[], &View::new(view, &lights), &lights, &mut [0.0; 32], &mut sum);
+            shade(
+                &point,
+                &[1],
+                &[],
+                &View::new(view, &lights),
+                &lights,
+                &mut [0.0; 32],
+                &mut sum,
+            );
             sum[0] / light.z
         };
         assert!((towards(a, b) - towards(b, a)).abs() < 1e-5);
@@ -308,7 +339,15 @@ mod tests {
         let point = attributes(0.4, 0.3, [0.3, 0.5]).prepare();
         let lights = Lights::new(&[Vec3::Z, direction(0.5, 1.0)]);
         let mut sum = [0.0; 24];
-        shade(&point, &[0b10], &[], &View::new(Vec3::Z, &lights), &lights, &mut [0.0; 32], &mut sum);
+        shade(
+            &point,
+            &[0b10],
+            &[],
+            &View::new(Vec3::Z, &lights),
+            &lights,
+            &mut [0.0; 32],
+            &mut sum,
+        );
         assert_eq!(sum[0], 0.0);
         assert!(sum[1] > 0.0);
         assert!(sum[2..8].iter().all(|v| *v == 0.0));
@@ -319,7 +358,15 @@ mod tests {
         let point = attributes(0.5, 0.0, [0.3, 0.5]).prepare();
         let lights = Lights::new(&[Vec3::Z]);
         let mut sum = [0.0; 24];
-        shade(&point, &[0], &[65535; 24], &View::new(Vec3::Z, &lights), &lights, &mut [0.0; 32], &mut sum);
+        shade(
+            &point,
+            &[0],
+            &[65535; 24],
+            &View::new(Vec3::Z, &lights),
+            &lights,
+            &mut [0.0; 32],
+            &mut sum,
+        );
         assert!((sum[0] - 0.5).abs() < 1e-6);
     }
 }

@@ -67,7 +67,11 @@ mod tests {
             assert_eq!(directions.len(), count);
             assert_eq!(directions[0].theta, 0.0);
             assert!((directions[count - 1].theta.to_degrees() - 75.0).abs() < 1e-12);
-            assert!(directions.iter().all(|d| (0.0..std::f64::consts::TAU).contains(&d.phi)));
+            assert!(
+                directions
+                    .iter()
+                    .all(|d| (0.0..std::f64::consts::TAU).contains(&d.phi))
+            );
         }
     }
 

@@ -46,7 +46,13 @@ impl Strands {
         let mut start = 0.0;
         for to in points {
             if self.segments.len() < 65_000 {
-                self.segments.push(Segment { from, to, radius, start, strand });
+                self.segments.push(Segment {
+                    from,
+                    to,
+                    radius,
+                    start,
+                    strand,
+                });
             }
             start += from.distance(to);
             from = to;
@@ -83,10 +89,12 @@ impl Strands {
             let from = segment.from;
             let x = from.x + axis.x.min(0.0) - reach..from.x + axis.x.max(0.0) + reach;
             let z = from.z + axis.z.min(0.0) - reach..from.z + axis.z.max(0.0) + reach;
-            row.add(x, z, first + n, |x| move |z| {
-                let p = vec3(x - from.x, offset, z - from.z);
-                let t = (p.dot(axis) * inverse).clamp(0.0, 1.0);
-                (p - t * axis).length() - segment.radius
+            row.add(x, z, first + n, |x| {
+                move |z| {
+                    let p = vec3(x - from.x, offset, z - from.z);
+                    let t = (p.dot(axis) * inverse).clamp(0.0, 1.0);
+                    (p - t * axis).length() - segment.radius
+                }
             });
         }
     }
@@ -116,7 +124,10 @@ impl OnStrand {
     pub(super) fn fibres(&self, noise: Noise, twist: f32, fibres: f32, length: f32) -> f32 {
         let turned = Vec2::from_angle(self.along * twist * std::f32::consts::TAU).rotate(self.around);
         let radius = fibres / std::f32::consts::TAU;
-        noise.space(vec3(self.along / length, turned.x * radius, turned.y * radius), [1 << 24, 1 << 24])
+        noise.space(
+            vec3(self.along / length, turned.x * radius, turned.y * radius),
+            [1 << 24, 1 << 24],
+        )
     }
 
     /// Direction of these fibres on a strand of this radius.
@@ -130,9 +141,17 @@ pub(super) fn stray_fibre(random: &mut Random, p: Vec3, direction: Vec3, length:
     const POINTS: usize = 8;
     let mut points = vec![p];
     let (mut p, mut direction) = (p, direction);
-    let bend = vec3(random.range(-1.0, 1.0), random.range(-1.0, 1.0), random.range(-0.9, 0.2)) * 0.35;
+    let bend = vec3(
+        random.range(-1.0, 1.0),
+        random.range(-1.0, 1.0),
+        random.range(-0.9, 0.2),
+    ) * 0.35;
     for _ in 1..POINTS {
-        let jitter = vec3(random.range(-1.0, 1.0), random.range(-1.0, 1.0), random.range(-0.5, 0.5)) * 0.15;
+        let jitter = vec3(
+            random.range(-1.0, 1.0),
+            random.range(-1.0, 1.0),
+            random.range(-0.5, 0.5),
+        ) * 0.15;
         direction = (direction + bend + jitter).normalize_or(Vec3::X);
         p += direction * (length / (POINTS - 1) as f32);
         points.push(p);
@@ -167,14 +186,22 @@ mod tests {
         for t in [0.1, 0.3, 0.5, 0.7, 0.9] {
             let p = vec3(0.8, 0.9, 0.15).lerp(vec3(1.2, 1.1, 0.15), t);
             let grid = volume.wrap(vec3(p.x * 128.0 - 0.5, p.y * 128.0 - 0.5, p.z * 128.0 + 1.0));
-            assert!(volume.distance(grid) < -2.0, "inside at {t}: {}", volume.distance(grid));
+            assert!(
+                volume.distance(grid) < -2.0,
+                "inside at {t}: {}",
+                volume.distance(grid)
+            );
         }
     }
 
     #[test]
     fn located_on_the_strand() {
         let mut strands = Strands::default();
-        strands.add(0, 0.05, [vec3(0.8, 0.5, 0.1), vec3(0.9, 0.5, 0.1), vec3(1.1, 0.5, 0.1)]);
+        strands.add(
+            0,
+            0.05,
+            [vec3(0.8, 0.5, 0.1), vec3(0.9, 0.5, 0.1), vec3(1.1, 0.5, 0.1)],
+        );
         let found = strands.locate(1, vec3(0.0, 0.5, 0.15));
         assert!((found.along - 0.2).abs() < 1e-5);
         assert!(found.around.distance(Vec2::Y) < 1e-4 && found.tangent.distance(Vec3::X) < 1e-5);

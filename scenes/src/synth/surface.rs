@@ -7,7 +7,7 @@
 
 use super::bounce::Bounce;
 use super::materials::Material;
-use super::reflectance::{LANES, Lights, Point};
+use super::reflectance::{Attributes, LANES, Lights, Point};
 use super::volume::Volume;
 use glam::Vec3;
 use rayon::prelude::*;
@@ -17,6 +17,9 @@ use std::sync::atomic::{AtomicU64, Ordering};
 const NONE: u32 = u32::MAX;
 /// Side of a brick of the index, in cells.
 const BRICK: usize = 4;
+/// Cells that are computed together, and the side of the square in which they lie.
+const BLOCK: usize = 256;
+const TILE: usize = 16;
 /// Voxels that a shadow ray starts above the surface, so that it does not end where it starts.
 pub(super) const LIFT: f32 = 1.0;
 
@@ -48,7 +51,12 @@ impl Index {
     fn new(volume: &Volume) -> Index {
         let (bricks_per_side, brick_levels) = (volume.side.div_ceil(BRICK), volume.depth.div_ceil(BRICK));
         let bricks = vec![NONE; bricks_per_side * bricks_per_side * brick_levels];
-        Index { bricks_per_side, brick_levels, bricks, cells: Vec::new() }
+        Index {
+            bricks_per_side,
+            brick_levels,
+            bricks,
+            cells: Vec::new(),
+        }
     }
 
     fn locate(&self, [i, j, k]: [usize; 3]) -> (usize, usize) {
@@ -83,10 +91,20 @@ impl<'a> Surface<'a> {
     ) -> Surface<'a> {
         let index = Index::new(volume);
         let shadow_rays = AtomicU64::new(0);
-        Surface { volume, material, lights, bounce, index, points: Vec::new(), lit: Vec::new(), shadow_rays }
+        Surface {
+            volume,
+            material,
+            lights,
+            bounce,
+            index,
+            points: Vec::new(),
+            lit: Vec::new(),
+            shadow_rays,
+        }
     }
 
     /// The cell around a point of the grid.
+    #[inline(always)]
     pub(super) fn key(&self, p: Vec3) -> CellKey {
         let (side, depth) = (self.volume.side, self.volume.depth);
         let (i, j) = ((p.x as usize).min(side - 1), (p.y as usize).min(side - 1));
@@ -105,9 +123,21 @@ impl<'a> Surface<'a> {
 
     /// Computes the content of new cells; `keys` ascending and each once.
     pub(super) fn extend(&mut self, keys: &[CellKey]) {
-        let owners: Vec<CellKey> = keys.par_iter().with_min_len(256).map(|&key| self.owner(key)).collect();
-        let mut new: Vec<CellKey> = owners.iter().copied().filter(|&owner| !self.knows(owner)).collect();
-        new.sort_unstable();
+        let owners: Vec<CellKey> = keys
+            .par_iter()
+            .with_min_len(256)
+            .map(|&key| self.owner(key))
+            .collect();
+        let mut new: Vec<CellKey> = owners
+            .iter()
+            .copied()
+            .filter(|&owner| !self.knows(owner))
+            .collect();
+        // Neighbours in all directions come together, so that their shadow rays meet the same part of the volume.
+        new.sort_unstable_by_key(|&key| {
+            let [i, j, _] = self.cell(key);
+            (j / TILE, i / TILE, key)
+        });
         new.dedup();
         self.compute(&new);
         for (&key, &owner) in keys.iter().zip(&owners) {
@@ -119,9 +149,13 @@ impl<'a> Surface<'a> {
     /// The cell whose content serves this cell: the one in which its point of the surface lies, if that one's lies there
     /// too.
     fn owner(&self, key: CellKey) -> CellKey {
-        let of = |key| self.key(project(self.volume, self.center(key)).0);
+        let of = |key| self.key(project(self.volume, self.center(key)).position);
         let other = of(key);
-        if other == key || of(other) == other { other } else { key }
+        if other == key || of(other) == other {
+            other
+        } else {
+            key
+        }
     }
 
     fn center(&self, key: CellKey) -> Vec3 {
@@ -138,14 +172,16 @@ impl<'a> Surface<'a> {
         let mut lit = std::mem::take(&mut self.lit);
         points.resize(first + keys.len(), Point::default());
         lit.resize(points.len() * bytes, 0);
-        let work = points[first..].par_iter_mut().zip(lit[first * bytes..].par_chunks_mut(bytes)).zip(keys);
-        work.with_min_len(64).for_each(|((point, lit), &key)| {
-            let (position, normal) = project(self.volume, self.center(key));
-            *point = attributes(self.volume, self.material, position, normal).prepare();
-            if let Some(bounce) = &self.bounce {
-                point.patch = bounce.patch_near(self.volume, position, normal, key);
+        let work = points[first..].par_chunks_mut(BLOCK).zip(lit[first * bytes..].par_chunks_mut(BLOCK * bytes));
+        work.zip(keys.par_chunks(BLOCK)).for_each(|((points, lit), keys)| {
+            let places: Vec<Place> = keys.iter().map(|&key| project(self.volume, self.center(key))).collect();
+            for ((point, place), &key) in points.iter_mut().zip(&places).zip(keys) {
+                *point = attributes(self.volume, self.material, place).prepare();
+                if let Some(bounce) = &self.bounce {
+                    point.patch = bounce.patch_near(self.volume, place, key);
+                }
             }
-            let rays = visible(self.volume, self.lights, position, normal, lit);
+            let rays = visible(self.volume, self.lights, &places, lit);
             self.shadow_rays.fetch_add(rays, Ordering::Relaxed);
         });
         (self.points, self.lit) = (points, lit);
@@ -172,39 +208,48 @@ impl<'a> Surface<'a> {
     }
 }
 
-/// The point of the surface near `p`, and the normal there.
-pub(super) fn project(volume: &Volume, p: Vec3) -> (Vec3, Vec3) {
+/// A point of the surface in grid coordinates.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Place {
+    pub(super) position: Vec3,
+    pub(super) normal: Vec3,
+}
+
+/// The point of the surface near `p`.
+pub(super) fn project(volume: &Volume, p: Vec3) -> Place {
     let mut p = p;
     for _ in 0..2 {
         p -= volume.normal(p) * volume.distance(volume.wrap(p));
     }
-    let p = volume.wrap(p);
-    (p, volume.normal(p))
+    let position = volume.wrap(p);
+    Place { position, normal: volume.normal(position) }
 }
 
-/// What the material is at a point of the grid.
-pub(super) fn attributes(
-    volume: &Volume,
-    material: &dyn Material,
-    position: Vec3,
-    normal: Vec3,
-) -> super::reflectance::Attributes {
+/// What the material is at a point of the surface.
+pub(super) fn attributes(volume: &Volume, material: &dyn Material, place: &Place) -> Attributes {
     // Half a voxel inside, so that the part is the one whose surface this is.
-    let part = volume.part(position - 0.5 * normal);
-    material.attributes(volume.material_from_grid(position), normal, part)
+    let part = volume.part(place.position - 0.5 * place.normal);
+    material.attributes(volume.material_from_grid(place.position), place.normal, part)
 }
 
-/// Sets the bits of the lights that reach a point, and counts the rays that this took.
-pub(super) fn visible(volume: &Volume, lights: &Lights, position: Vec3, normal: Vec3, lit: &mut [u8]) -> u64 {
-    let mut rays = 0;
+/// Sets the bits of the lights that reach points, `[point][byte]`, and counts the rays that this took.
+///
+/// Light by light: rays from neighbours in the same direction meet the same part of the volume while it is in the
+/// cache.
+pub(super) fn visible(volume: &Volume, lights: &Lights, places: &[Place], lit: &mut [u8]) -> u64 {
+    let (mut rays, bytes) = (0, lights.mask_bytes());
     for light in 0..lights.count {
         let direction = lights.direction(light);
-        if direction.z <= 0.0 || normal.dot(direction) <= 0.0 {
+        if direction.z <= 0.0 {
             continue;
         }
-        rays += 1;
-        if volume.escapes(position + LIFT * normal, direction) {
-            lit[light / LANES] |= 1 << (light % LANES);
+        for (place, lit) in places.iter().zip(lit.chunks_exact_mut(bytes)) {
+            if place.normal.dot(direction) > 0.0 {
+                rays += 1;
+                if volume.escapes(place.position + LIFT * place.normal, direction) {
+                    lit[light / LANES] |= 1 << (light % LANES);
+                }
+            }
         }
     }
     rays

@@ -34,6 +34,8 @@ const MAX_VOXELS: u32 = 768;
 const MIN_VIEW_COSINE: f64 = 0.02;
 /// Largest half float.
 const LARGEST: f32 = 65504.0;
+/// Rows that are traced together.
+const BAND: usize = 8;
 /// Texels that are transposed together from lights-of-a-texel to texels-of-a-light.
 const TRANSPOSED_TEXELS: usize = 32;
 
@@ -125,7 +127,10 @@ pub fn synthesize(
     let start = Instant::now();
     let make = materials::find(material)?;
     check(material, options)?;
-    let failed = |source| Error::Io { path: material.into(), source };
+    let failed = |source| Error::Io {
+        path: material.into(),
+        source,
+    };
     let threads = rayon::ThreadPoolBuilder::new().num_threads(options.threads.unwrap_or(0));
     let pool = threads.build().map_err(|e| failed(std::io::Error::other(e)))?;
 
@@ -143,7 +148,9 @@ pub fn synthesize(
             progress(view + 1, options.views.len());
             let _ = give_back.try_send(block);
         }
-        worker.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+        worker
+            .join()
+            .unwrap_or_else(|panic| std::panic::resume_unwind(panic))
     });
     written.map_err(failed)?;
     report.seconds = start.elapsed().as_secs_f64();
@@ -151,24 +158,41 @@ pub fn synthesize(
 }
 
 fn check(material: &str, options: &SynthOptions) -> Result<()> {
-    let invalid = |detail: String| Err(Error::Invalid { path: material.into(), detail });
+    let invalid = |detail: String| {
+        Err(Error::Invalid {
+            path: material.into(),
+            detail,
+        })
+    };
     let within = |value: u64, limit: u64| (1..=limit).contains(&value);
     if !within(options.size.into(), MAX_SIZE.into()) {
         return invalid(format!("size {} texels; choose 1 to {MAX_SIZE}", options.size));
     }
     if !within(options.samples_per_texel.into(), MAX_SAMPLES_PER_TEXEL.into()) {
         let found = options.samples_per_texel;
-        return invalid(format!("{found} samples per texel; choose 1 to {MAX_SAMPLES_PER_TEXEL}"));
+        return invalid(format!(
+            "{found} samples per texel; choose 1 to {MAX_SAMPLES_PER_TEXEL}"
+        ));
     }
     for (what, directions) in [("view", &options.views), ("light", &options.lights)] {
         if !within(directions.len() as u64, MAX_DIRECTIONS.into()) {
-            return invalid(format!("{} {what} directions; give 1 to {MAX_DIRECTIONS}", directions.len()));
+            return invalid(format!(
+                "{} {what} directions; give 1 to {MAX_DIRECTIONS}",
+                directions.len()
+            ));
         }
-        if let Some(n) = directions.iter().position(|d| !(d.theta.is_finite() && d.phi.is_finite())) {
+        if let Some(n) = directions
+            .iter()
+            .position(|d| !(d.theta.is_finite() && d.phi.is_finite()))
+        {
             return invalid(format!("{what} direction {n} is not finite: {:?}", directions[n]));
         }
     }
-    if let Some(n) = options.views.iter().position(|d| d.to_vector()[2] < MIN_VIEW_COSINE) {
+    if let Some(n) = options
+        .views
+        .iter()
+        .position(|d| d.to_vector()[2] < MIN_VIEW_COSINE)
+    {
         return invalid(format!(
             "view direction {n} ({:?}) is not above the horizon; theta must be below 88.8 degrees",
             options.views[n]
@@ -201,7 +225,9 @@ fn trace(
     let voxels = (options.size * VOXELS_PER_TEXEL).clamp(MIN_VOXELS, MAX_VOXELS);
     let material: Box<dyn Material> = make(options.seed, 1.0 / voxels as f32);
     let volume = Volume::build(material.as_solid(), voxels as usize);
-    let bounce = options.interreflection.then(|| Bounce::new(&volume, &*material, &lights));
+    let bounce = options
+        .interreflection
+        .then(|| Bounce::new(&volume, &*material, &lights));
     let mut report = SynthReport {
         bounce_rays: bounce.as_ref().map_or(0, |b| b.bounce_rays),
         shadow_rays: bounce.as_ref().map_or(0, |b| b.shadow_rays),
@@ -217,14 +243,19 @@ fn trace(
     for (number, direction) in options.views.iter().enumerate() {
         let view = View::new(unit_vector(direction), &lights);
         surface.extend(&find_cells(&surface, &view, options, &mut keys));
-        let mut block = spare.try_recv().unwrap_or_else(|_| vec![f16::ZERO; lights.count * 3 * texels]);
+        let mut block = spare
+            .try_recv()
+            .unwrap_or_else(|_| vec![f16::ZERO; lights.count * 3 * texels]);
         // A block is planes of rows; a row of texels needs its row in each plane.
-        let mut rows: Vec<Vec<&mut [f16]>> = (0..size).map(|_| Vec::with_capacity(lights.count * 3)).collect();
+        let mut rows: Vec<Vec<&mut [f16]>> =
+            (0..size).map(|_| Vec::with_capacity(lights.count * 3)).collect();
         for (n, row) in block.chunks_mut(size).enumerate() {
             rows[n % size].push(row);
         }
         let work = rows.into_par_iter().zip(keys.par_chunks(size * samples));
-        let found: Vec<RowSums> = work.map(|(mut row, keys)| shade_row(&surface, &view, keys, &mut row)).collect();
+        let found: Vec<RowSums> = work
+            .map(|(mut row, keys)| shade_row(&surface, &view, keys, &mut row))
+            .collect();
         for row in found {
             report.max_value = report.max_value.max(row.max);
             (0..3).for_each(|c| sum_rgb[c] += row.sum[c]);
@@ -242,23 +273,17 @@ fn trace(
 }
 
 /// Traces the rays of one view, writes `keys` as `[y][x][sample]`, and returns the new ones, ascending.
-fn find_cells(surface: &Surface<'_>, view: &View, options: &SynthOptions, keys: &mut [CellKey]) -> Vec<CellKey> {
+fn find_cells(
+    surface: &Surface<'_>,
+    view: &View,
+    options: &SynthOptions,
+    keys: &mut [CellKey],
+) -> Vec<CellKey> {
     let (size, samples) = (options.size as usize, options.samples_per_texel as usize);
-    let voxels_per_texel = surface.volume.side as f32 / size as f32;
-    let rows = keys.par_chunks_mut(size * samples).enumerate();
-    let mut new: Vec<CellKey> = rows
-        .flat_map_iter(|(y, keys)| {
-            for (n, key) in keys.iter_mut().enumerate() {
-                let x = n / samples;
-                let [sx, sy] = position_in_texel(options.seed, x, y, n % samples, samples);
-                // Row 0 is the top, y points up; grid samples lie at half voxels.
-                let across = (x as f32 + sx) * voxels_per_texel - 0.5;
-                let up = (size as f32 - y as f32 - sy) * voxels_per_texel - 0.5;
-                let origin = surface.volume.above(vec3(across, up, surface.volume.reference), view.direction);
-                // Downwards there is always the floor.
-                let hit = surface.volume.march(origin, -view.direction).unwrap_or(origin);
-                *key = surface.key(hit);
-            }
+    let bands = keys.par_chunks_mut(size * samples * BAND).enumerate();
+    let mut new: Vec<CellKey> = bands
+        .flat_map_iter(|(band, keys)| {
+            trace_band(surface, view, options, band * BAND, keys);
             let mut new: Vec<CellKey> = keys.iter().copied().filter(|&key| !surface.knows(key)).collect();
             new.sort_unstable();
             new.dedup();
@@ -270,13 +295,39 @@ fn find_cells(surface: &Surface<'_>, view: &View, options: &SynthOptions, keys: 
     new
 }
 
+/// Traces the rays of the rows from `top` on; `keys` is `[y][x][sample]`. Square by square, because rays that start
+/// close together meet the same part of the volume while it is in the cache.
+fn trace_band(surface: &Surface<'_>, view: &View, options: &SynthOptions, top: usize, keys: &mut [CellKey]) {
+    let volume = surface.volume;
+    let (size, samples) = (options.size as usize, options.samples_per_texel as usize);
+    let voxels_per_texel = volume.side as f32 / size as f32;
+    for left in (0..size).step_by(BAND) {
+        for (y, row) in (top..).zip(keys.chunks_exact_mut(size * samples)) {
+            for x in left..(left + BAND).min(size) {
+                for (sample, key) in row[x * samples..][..samples].iter_mut().enumerate() {
+                    let [sx, sy] = position_in_texel(options.seed, x, y, sample, samples);
+                    // Row 0 is the top, y points up; grid samples lie at half voxels.
+                    let across = (x as f32 + sx) * voxels_per_texel - 0.5;
+                    let up = (size as f32 - y as f32 - sy) * voxels_per_texel - 0.5;
+                    let origin = volume.above(vec3(across, up, volume.reference), view.direction);
+                    // Downwards there is always the floor.
+                    *key = surface.key(volume.march(origin, -view.direction).unwrap_or(origin));
+                }
+            }
+        }
+    }
+}
+
 /// Where in its texel a sample lies: stratified in both axes (Hammersley points), and moved around by a random offset
 /// per texel that is the same for all views.
 fn position_in_texel(seed: u64, x: usize, y: usize, sample: usize, samples: usize) -> [f32; 2] {
     let random = mix(mix(seed as u32 ^ (x as u32) << 16 ^ y as u32) ^ (seed >> 32) as u32);
     let stratum = (sample as f32 + 0.5) / samples as f32;
     let inverse = unit((sample as u32).reverse_bits());
-    [(stratum + unit(random)).fract(), (inverse + unit(mix(random))).fract()]
+    [
+        (stratum + unit(random)).fract(),
+        (inverse + unit(mix(random))).fract(),
+    ]
 }
 
 /// What the report wants to know of a row.
@@ -303,7 +354,12 @@ fn shade_row(surface: &Surface<'_>, view: &View, keys: &[CellKey], planes: &mut 
 }
 
 #[inline(always)]
-fn shade_row_generic(surface: &Surface<'_>, view: &View, keys: &[CellKey], planes: &mut [&mut [f16]]) -> RowSums {
+fn shade_row_generic(
+    surface: &Surface<'_>,
+    view: &View,
+    keys: &[CellKey],
+    planes: &mut [&mut [f16]],
+) -> RowSums {
     let lights = surface.lights;
     let (padded, width) = (lights.padded(), planes[0].len());
     let samples = keys.len() / width;
@@ -311,8 +367,14 @@ fn shade_row_generic(surface: &Surface<'_>, view: &View, keys: &[CellKey], plane
     let mut sum = vec![0.0f32; 3 * padded];
     let mut scratch = vec![0.0f32; 4 * padded];
     let mut halves = vec![f16::ZERO; 3 * padded * TRANSPOSED_TEXELS];
-    let mut found = RowSums { sum: [0.0; 3], max: 0.0 };
-    for (first, keys) in (0..width).step_by(TRANSPOSED_TEXELS).zip(keys.chunks(TRANSPOSED_TEXELS * samples)) {
+    let mut found = RowSums {
+        sum: [0.0; 3],
+        max: 0.0,
+    };
+    for (first, keys) in (0..width)
+        .step_by(TRANSPOSED_TEXELS)
+        .zip(keys.chunks(TRANSPOSED_TEXELS * samples))
+    {
         for (keys, halves) in keys.chunks(samples).zip(halves.chunks_mut(3 * padded)) {
             sum.fill(0.0);
             for &key in keys {

@@ -153,27 +153,50 @@ impl Volume {
     pub(super) fn build(solid: &dyn Solid, side: usize) -> Volume {
         let extent = solid.extent();
         let levels = |side: usize| ((extent.end - extent.start) * side as f32).ceil() as usize + 2 * MARGIN;
-        let side = (32..=side).rev().step_by(32).find(|&s| s * s * levels(s) <= MAX_VOXELS).unwrap_or(32);
+        let side = (32..=side)
+            .rev()
+            .step_by(32)
+            .find(|&s| s * s * levels(s) <= MAX_VOXELS)
+            .unwrap_or(32);
         let depth = levels(side);
         let bottom = extent.start - 1.0 / side as f32;
         let mut field = vec![i16::MAX; side * side * depth];
         let mut part = vec![0; side * side * depth];
         let slice = side * depth;
-        field.par_chunks_mut(slice).zip(part.par_chunks_mut(slice)).enumerate().for_each(|(j, (field, part))| {
-            for column in field.chunks_mut(depth) {
-                column[0] = i16::MIN; // the floor
-                column[1] = column[1].min(0);
-            }
-            let y = (j as f32 + 0.5) / side as f32;
-            solid.fill(&mut Row { y, side, depth, bottom, field, part });
-            for column in field.chunks_mut(depth) {
-                column[depth - MARGIN + 1..].fill(i16::MAX);
-            }
-        });
+        field
+            .par_chunks_mut(slice)
+            .zip(part.par_chunks_mut(slice))
+            .enumerate()
+            .for_each(|(j, (field, part))| {
+                for column in field.chunks_mut(depth) {
+                    column[0] = i16::MIN; // the floor
+                    column[1] = column[1].min(0);
+                }
+                let y = (j as f32 + 0.5) / side as f32;
+                solid.fill(&mut Row {
+                    y,
+                    side,
+                    depth,
+                    bottom,
+                    field,
+                    part,
+                });
+                for column in field.chunks_mut(depth) {
+                    column[depth - MARGIN + 1..].fill(i16::MAX);
+                }
+            });
         let distance = closed(distances(field, side, depth), side, depth);
         let highest = |column: &[i16]| column.iter().rposition(|&d| d < 0).unwrap_or(0);
         let top = distance.par_chunks(depth).map(highest).max().unwrap_or(0) as f32 + 1.0;
-        let mut volume = Volume { side, depth, top, reference: 0.0, bottom, distance, part };
+        let mut volume = Volume {
+            side,
+            depth,
+            top,
+            reference: 0.0,
+            bottom,
+            distance,
+            part,
+        };
         volume.reference = volume.mean_height();
         volume
     }
@@ -182,11 +205,6 @@ impl Volume {
     pub(super) fn material_from_grid(&self, p: Vec3) -> Vec3 {
         let side = self.side as f32;
         Vec3::new((p.x + 0.5) / side, (p.y + 0.5) / side, self.bottom + p.z / side)
-    }
-
-    /// Length of a voxel's side in patch widths.
-    pub(super) fn voxel(&self) -> f32 {
-        1.0 / self.side as f32
     }
 
     /// Distance in voxels at the sample nearest to `p`, whose x and y lie in [0, side).
@@ -222,7 +240,9 @@ impl Volume {
         let along = |axis: Vec3| {
             self.distance(self.wrap(p + STEP * axis)) - self.distance(self.wrap(p - STEP * axis))
         };
-        Vec3::new(along(Vec3::X), along(Vec3::Y), along(Vec3::Z)).try_normalize().unwrap_or(Vec3::Z)
+        Vec3::new(along(Vec3::X), along(Vec3::Y), along(Vec3::Z))
+            .try_normalize()
+            .unwrap_or(Vec3::Z)
     }
 
     /// Part of the material at the sample nearest to `p`.
@@ -250,11 +270,22 @@ impl Volume {
     fn mean_height(&self) -> f32 {
         let column = |column: &[i16]| {
             let k = column.iter().rposition(|&d| d < 0).unwrap_or(0);
-            let (below, above) = (f64::from(column[k]), f64::from(column[(k + 1).min(self.depth - 1)]));
-            k as f64 + if above > below { -below / (above - below) } else { 0.0 }
+            let (below, above) = (
+                f64::from(column[k]),
+                f64::from(column[(k + 1).min(self.depth - 1)]),
+            );
+            k as f64
+                + if above > below {
+                    -below / (above - below)
+                } else {
+                    0.0
+                }
         };
         let rows = self.distance.chunks(self.depth * (self.side + 1)).take(self.side);
-        let sum: f64 = rows.flat_map(|row| row.chunks(self.depth).take(self.side)).map(column).sum();
+        let sum: f64 = rows
+            .flat_map(|row| row.chunks(self.depth).take(self.side))
+            .map(column)
+            .sum();
         (sum / (self.side * self.side) as f64) as f32
     }
 }
@@ -265,19 +296,21 @@ fn distances(field: Vec<i16>, side: usize, depth: usize) -> Vec<i16> {
     let mut near = near_distances(&field, side, depth);
     drop(field);
     let squared = squared_distances(&near, side, depth);
-    near.par_chunks_mut(slice).zip(squared.par_chunks(slice)).for_each(|(near, squared)| {
-        for (near, &squared) in near.iter_mut().zip(squared) {
-            let value = f32::from(*near);
-            let value = if value < 0.0 {
-                value.max(-2.5 * UNITS)
-            } else {
-                // A sample within one voxel of the surface is so far away: that bounds the distance on both sides.
-                let distance = f32::from(squared).sqrt();
-                value.clamp((distance - 1.0) * UNITS, (distance + 0.5) * UNITS)
-            };
-            *near = value as i16;
-        }
-    });
+    near.par_chunks_mut(slice)
+        .zip(squared.par_chunks(slice))
+        .for_each(|(near, squared)| {
+            for (near, &squared) in near.iter_mut().zip(squared) {
+                let value = f32::from(*near);
+                let value = if value < 0.0 {
+                    value.max(-2.5 * UNITS)
+                } else {
+                    // A sample within one voxel of the surface is so far away: that bounds the distance on both sides.
+                    let distance = f32::from(squared).sqrt();
+                    value.clamp((distance - 1.0) * UNITS, (distance + 0.5) * UNITS)
+                };
+                *near = value as i16;
+            }
+        });
     near
 }
 
@@ -311,32 +344,40 @@ fn near_distances(field: &[i16], side: usize, depth: usize) -> Vec<i16> {
 fn squared_distances(near: &[i16], side: usize, depth: usize) -> Vec<u8> {
     let slice = side * depth;
     let mut along_z = vec![255u8; near.len()];
-    along_z.par_chunks_mut(slice).zip(near.par_chunks(slice)).for_each(|(squared, near)| {
-        for (squared, near) in squared.chunks_mut(depth).zip(near.chunks(depth)) {
-            let mut last = None;
-            for k in (0..depth).chain((0..depth).rev()) {
-                if i32::from(near[k]).abs() <= UNITS as i32 {
-                    last = Some(k);
-                }
-                if let Some(d) = last.map(|last| k.abs_diff(last)).filter(|&d| d <= REACH) {
-                    squared[k] = squared[k].min((d * d) as u8);
+    along_z
+        .par_chunks_mut(slice)
+        .zip(near.par_chunks(slice))
+        .for_each(|(squared, near)| {
+            for (squared, near) in squared.chunks_mut(depth).zip(near.chunks(depth)) {
+                let mut last = None;
+                for k in (0..depth).chain((0..depth).rev()) {
+                    if i32::from(near[k]).abs() <= UNITS as i32 {
+                        last = Some(k);
+                    }
+                    if let Some(d) = last.map(|last| k.abs_diff(last)).filter(|&d| d <= REACH) {
+                        squared[k] = squared[k].min((d * d) as u8);
+                    }
                 }
             }
-        }
-    });
+        });
     let offsets = || (1..=REACH).flat_map(|d| [(d, (d * d) as u8), (side - d, (d * d) as u8)]);
     let lower = |to: &mut [u8], from: &[u8], square: u8| {
-        to.iter_mut().zip(from).for_each(|(to, from)| *to = (*to).min(from.saturating_add(square)));
+        to.iter_mut()
+            .zip(from)
+            .for_each(|(to, from)| *to = (*to).min(from.saturating_add(square)));
     };
     let mut along_xz = along_z.clone();
-    along_xz.par_chunks_mut(slice).zip(along_z.par_chunks(slice)).for_each(|(to, from)| {
-        for i in 0..side {
-            for (offset, square) in offsets() {
-                let other = (i + offset) % side * depth;
-                lower(&mut to[i * depth..][..depth], &from[other..][..depth], square);
+    along_xz
+        .par_chunks_mut(slice)
+        .zip(along_z.par_chunks(slice))
+        .for_each(|(to, from)| {
+            for i in 0..side {
+                for (offset, square) in offsets() {
+                    let other = (i + offset) % side * depth;
+                    lower(&mut to[i * depth..][..depth], &from[other..][..depth], square);
+                }
             }
-        }
-    });
+        });
     let mut squared = along_z;
     squared.par_chunks_mut(slice).enumerate().for_each(|(j, to)| {
         to.copy_from_slice(&along_xz[j * slice..][..slice]);
@@ -374,8 +415,8 @@ mod tests {
         fn fill(&self, row: &mut Row<'_>) {
             row.add_below(|_| (0.05, 1));
             let dy = row.offset(0.95);
-            row.add(0.7..1.3, 0.0..0.5, 2, |x| move |z| {
-                Vec3::new(x - 1.0, dy, z - 0.28).length() - 0.2
+            row.add(0.7..1.3, 0.0..0.5, 2, |x| {
+                move |z| Vec3::new(x - 1.0, dy, z - 0.28).length() - 0.2
             });
         }
     }
@@ -391,7 +432,11 @@ mod tests {
         };
         let mut seen = 0;
         for n in 0..20_000 {
-            let p = Vec3::new((n * 37 % 128) as f32 + 0.3, (n * 53 % 1280) as f32 * 0.1, (n % 60) as f32 + 0.7);
+            let p = Vec3::new(
+                (n * 37 % 128) as f32 + 0.3,
+                (n * 53 % 1280) as f32 * 0.1,
+                (n % 60) as f32 + 0.7,
+            );
             let (value, exact) = (volume.distance(p), exact(p));
             if exact.abs() < 1.5 {
                 assert!((value - exact).abs() < 0.35, "{p}: {value} for {exact}");
@@ -411,7 +456,10 @@ mod tests {
         assert_eq!(volume.part(side), 2);
         assert!(volume.normal(side).dot(Vec3::X) > 0.99);
         assert_eq!(volume.part(at(0.5, 0.45, 0.05)), 1);
-        assert!(volume.normal(at(0.0, 0.95, 0.08)).z < -0.99, "the underside faces down");
+        assert!(
+            volume.normal(at(0.0, 0.95, 0.08)).z < -0.99,
+            "the underside faces down"
+        );
         assert!(volume.reference > 0.05 * 128.0 && volume.reference < 0.15 * 128.0);
     }
 }

@@ -24,31 +24,52 @@ const COS_7: f32 = 0.097_545_16;
 
 /// Texels to coefficients, in place.
 pub(crate) fn forward(block: &mut Block) {
-    transform(block, forward_8);
+    transform::<false>(block);
 }
 
 /// Coefficients to texels, in place.
 pub(crate) fn inverse(block: &mut Block) {
-    transform(block, inverse_8);
+    transform::<true>(block);
 }
 
+/// Columns first, then rows as the columns of the transposed block.
 #[inline(always)]
-fn transform(block: &mut Block, transform_8: impl Fn([Texel; BLOCK]) -> [Texel; BLOCK]) {
-    for row in block.as_chunks_mut::<BLOCK>().0 {
-        *row = transform_8(*row);
+fn transform<const INVERSE: bool>(block: &mut Block) {
+    for _ in 0..2 {
+        transform_columns::<INVERSE>(bytemuck::cast_mut(block));
+        for y in 0..BLOCK {
+            for x in 0..y {
+                block.swap(y * BLOCK + x, x * BLOCK + y);
+            }
+        }
     }
-    for x in 0..BLOCK {
-        let column = transform_8(std::array::from_fn(|y| block[y * BLOCK + x]));
-        for (y, texel) in column.into_iter().enumerate() {
-            block[y * BLOCK + x] = texel;
+}
+
+/// Transforms the eight columns of four components each. One lane after the other, so that the compiler works on
+/// many of them at once.
+#[inline(always)]
+#[allow(
+    clippy::needless_range_loop,
+    reason = "a lane is an index into each row, not into the rows"
+)]
+fn transform_columns<const INVERSE: bool>(rows: &mut [[f32; BLOCK * 4]; BLOCK]) {
+    for lane in 0..BLOCK * 4 {
+        let column = std::array::from_fn(|y| rows[y][lane]);
+        let column = if INVERSE {
+            inverse_8(column)
+        } else {
+            forward_8(column)
+        };
+        for y in 0..BLOCK {
+            rows[y][lane] = column[y];
         }
     }
 }
 
 #[inline(always)]
-fn forward_8(x: [Texel; BLOCK]) -> [Texel; BLOCK] {
-    let sums: [Texel; 4] = std::array::from_fn(|i| x[i] + x[7 - i]);
-    let [d0, d1, d2, d3] = std::array::from_fn(|i| x[i] - x[7 - i]);
+fn forward_8(x: [f32; BLOCK]) -> [f32; BLOCK] {
+    let sums: [f32; 4] = std::array::from_fn(|i| x[i] + x[7 - i]);
+    let [d0, d1, d2, d3]: [f32; 4] = std::array::from_fn(|i| x[i] - x[7 - i]);
     let (a0, a1) = (sums[0] + sums[3], sums[1] + sums[2]);
     let (b0, b1) = (sums[0] - sums[3], sums[1] - sums[2]);
     [
@@ -64,7 +85,7 @@ fn forward_8(x: [Texel; BLOCK]) -> [Texel; BLOCK] {
 }
 
 #[inline(always)]
-fn inverse_8(c: [Texel; BLOCK]) -> [Texel; BLOCK] {
+fn inverse_8(c: [f32; BLOCK]) -> [f32; BLOCK] {
     let (p0, p1) = ((c[0] + c[4]) * COS_4, (c[0] - c[4]) * COS_4);
     let (q0, q1) = (c[2] * COS_2 + c[6] * COS_6, c[2] * COS_6 - c[6] * COS_2);
     let even = [p0 + q0, p1 + q1, p1 - q1, p0 - q0];

@@ -79,26 +79,26 @@ pub(crate) fn unpack(bytes: &[u8], blocks: usize) -> Result<Vec<Levels>, String>
     let Some((codes, escapes)) = bytes.split_at_checked(count) else {
         return Err(format!("{} bytes hold no {count} coefficients", bytes.len()));
     };
+    let mut levels = vec![[[0; 4]; BLOCK_AREA]; blocks];
+    for (index, block) in levels.iter_mut().enumerate() {
+        for (i, &position) in SCAN.iter().enumerate() {
+            block[position] = std::array::from_fn(|component| {
+                level_from_code(codes[(component * BLOCK_AREA + i) * blocks + index].into())
+            });
+        }
+    }
     let (escapes, rest) = escapes.as_chunks::<4>();
     let mut escapes = escapes.iter();
-    let mut levels = vec![[[0; 4]; BLOCK_AREA]; blocks];
-    let mut codes = codes.chunks_exact(blocks);
-    for component in 0..4 {
-        for position in SCAN {
-            for (block, &code) in levels.iter_mut().zip(codes.next().unwrap_or_default()) {
-                let mut code = u32::from(code);
-                if code == u32::from(ESCAPE) {
-                    let Some(escape) = escapes.next() else {
-                        return Err("a large coefficient is missing".into());
-                    };
-                    code = u32::from_le_bytes(*escape);
-                    if code < u32::from(ESCAPE) || code > 2 * MAX_LEVEL as u32 {
-                        return Err(format!("{code} is no code of a large coefficient"));
-                    }
-                }
-                block[position][component] = level_from_code(code);
-            }
+    for (at, _) in codes.iter().enumerate().filter(|(_, code)| **code == ESCAPE) {
+        let Some(escape) = escapes.next() else {
+            return Err("a large coefficient is missing".into());
+        };
+        let code = u32::from_le_bytes(*escape);
+        if code < u32::from(ESCAPE) || code > 2 * MAX_LEVEL as u32 {
+            return Err(format!("{code} is no code of a large coefficient"));
         }
+        let (plane, block) = (at / blocks, at % blocks);
+        levels[block][SCAN[plane % BLOCK_AREA]][plane / BLOCK_AREA] = level_from_code(code);
     }
     if escapes.len() > 0 || !rest.is_empty() {
         return Err("bytes follow the last coefficient".into());

@@ -32,8 +32,8 @@ const CREAM: Vec3 = vec3(0.62, 0.54, 0.40);
 const RUST: Vec3 = vec3(0.42, 0.075, 0.030);
 /// The sett: the same for warp and weft.
 const SETT: [Vec3; YARNS] = [
-    NAVY, NAVY, NAVY, NAVY, NAVY, NAVY, CREAM, CREAM, GREEN, GREEN, GREEN, GREEN, GREEN, GREEN, RUST, RUST, RUST, RUST, CREAM,
-    NAVY,
+    NAVY, NAVY, NAVY, NAVY, NAVY, NAVY, CREAM, CREAM, GREEN, GREEN, GREEN, GREEN, GREEN, GREEN, RUST, RUST,
+    RUST, RUST, CREAM, NAVY,
 ];
 
 /// Woven cloth.
@@ -63,14 +63,23 @@ impl Cloth {
         let radius = (0.03 * PITCH).max(0.75 * voxel);
         let mut strays = Strands::default();
         for n in 0..STRAY_FIBRES {
-            let p = vec3(random.unit(), random.unit(), SWING + random.range(0.3, 0.9) * THICKNESS);
+            let p = vec3(
+                random.unit(),
+                random.unit(),
+                SWING + random.range(0.3, 0.9) * THICKNESS,
+            );
             let (sin, cos) = (random.unit() * TAU).sin_cos();
             let direction = vec3(cos, sin, random.range(0.0, 0.5)).normalize();
             let length = random.range(0.6, 1.8) * PITCH;
             strays.add(n as u32, radius, stray_fibre(random, p, direction, length));
         }
         strays.finish();
-        Cloth { path, fibre, dye, strays }
+        Cloth {
+            path,
+            fibre,
+            dye,
+            strays,
+        }
     }
 
     /// Yarn `index` of the warp, or of the weft, at a place along it.
@@ -79,10 +88,20 @@ impl Cloth {
         let wander = 0.06 * PITCH * source.plane(vec2(along * 10.0, 0.3), [10, 1]);
         let slub = 1.0 + 0.14 * source.plane(vec2(along * 14.0, 0.7), [14, 1]);
         // Over two, under two, and one step further on each next yarn.
-        let over = |crossing: i32| if (index as i32 - crossing).rem_euclid(4) < 2 { SWING } else { -SWING };
+        let over = |crossing: i32| {
+            if (index as i32 - crossing).rem_euclid(4) < 2 {
+                SWING
+            } else {
+                -SWING
+            }
+        };
         let s = along / PITCH - 0.5;
         let (low, t) = (s.floor() as i32, s - s.floor());
-        let (a, b) = if warp { (over(low), over(low + 1)) } else { self.weft_swing(index, low) };
+        let (a, b) = if warp {
+            (over(low), over(low + 1))
+        } else {
+            self.weft_swing(index, low)
+        };
         Station {
             center: (index as f32 + 0.5) * PITCH + wander,
             height: a + (b - a) * t * t * (3.0 - 2.0 * t),
@@ -93,7 +112,13 @@ impl Cloth {
 
     /// Where the warp is up, the weft is down.
     fn weft_swing(&self, weft: usize, crossing: i32) -> (f32, f32) {
-        let under = |warp: i32| if (warp - weft as i32).rem_euclid(4) < 2 { -SWING } else { SWING };
+        let under = |warp: i32| {
+            if (warp - weft as i32).rem_euclid(4) < 2 {
+                -SWING
+            } else {
+                SWING
+            }
+        };
         (under(crossing), under(crossing + 1))
     }
 
@@ -108,19 +133,35 @@ impl Cloth {
             let cross = vec2(side - side.round(), q.z - station.height) / station.half;
             let turn = cross.x.atan2(cross.y) / TAU + along * TWIST;
             source.plane(vec2(turn * FIBRES, along * 36.0), [FIBRES as i32, 36])
-                + 0.5 * source.derive(9).plane(vec2(turn * 2.0 * FIBRES, along * 60.0), [2 * FIBRES as i32, 60])
+                + 0.5
+                    * source
+                        .derive(9)
+                        .plane(vec2(turn * 2.0 * FIBRES, along * 60.0), [2 * FIBRES as i32, 60])
         };
         let fibre = relief(p);
         let side = across - station.center;
         let below = 1.0 - (p.z - station.height) / station.half.y;
-        let dye = self.dye.derive(1 + u32::from(warp)).plane(vec2(along * 9.0, index as f32 + 0.5), [9, 64]);
+        let dye = self
+            .dye
+            .derive(1 + u32::from(warp))
+            .plane(vec2(along * 9.0, index as f32 + 0.5), [9, 64]);
         let yarn = unit(mix(source.bits(1, 2, 3)));
-        let heather = smoothstep(0.25, 0.6, source.derive(3).plane(
-            vec2((side / PITCH + along * TWIST) * FIBRES, along * 30.0), [1 << 20, 30]));
+        let heather = smoothstep(
+            0.25,
+            0.6,
+            source.derive(3).plane(
+                vec2((side / PITCH + along * TWIST) * FIBRES, along * 30.0),
+                [1 << 20, 30],
+            ),
+        );
         let mut color = SETT[index] * (0.82 + 0.36 * yarn) * (1.0 + 0.18 * dye + 0.34 * fibre);
         color = color.lerp(vec3(0.34, 0.31, 0.27), 0.22 * heather);
         color *= 1.0 - 0.3 * smoothstep(0.3, 1.2, below);
-        let direction = if warp { vec3(0.0, 1.0, station.slope) } else { vec3(1.0, 0.0, station.slope) };
+        let direction = if warp {
+            vec3(0.0, 1.0, station.slope)
+        } else {
+            vec3(1.0, 0.0, station.slope)
+        };
         let direction = direction.normalize();
         let twist = normal.cross(direction) * (TWIST * TAU * 0.5 * (WIDTH + THICKNESS));
         Attributes {
@@ -148,17 +189,25 @@ impl Solid for Cloth {
         };
         for warp in 0..YARNS {
             let at = self.station(true, warp, y);
-            row.add(at.center - reach..at.center + reach, heights.clone(), 1 + warp as u16, |x| {
-                move |z| distance(x - at.center, z, &at)
-            });
+            row.add(
+                at.center - reach..at.center + reach,
+                heights.clone(),
+                1 + warp as u16,
+                |x| move |z| distance(x - at.center, z, &at),
+            );
         }
         for weft in 0..YARNS {
             if row.offset((weft as f32 + 0.5) * PITCH).abs() < reach {
                 let side = |at: &Station| y - at.center - (y - at.center).round();
-                row.add(0.5 * voxel..1.0 - 0.5 * voxel, heights.clone(), (1 + YARNS + weft) as u16, |x| {
-                    let at = self.station(false, weft, x);
-                    move |z| distance(side(&at), z, &at)
-                });
+                row.add(
+                    0.5 * voxel..1.0 - 0.5 * voxel,
+                    heights.clone(),
+                    (1 + YARNS + weft) as u16,
+                    |x| {
+                        let at = self.station(false, weft, x);
+                        move |z| distance(side(&at), z, &at)
+                    },
+                );
             }
         }
         self.strays.fill(row, FIRST_STRAY);

@@ -10,8 +10,12 @@ use glam::{Mat3, Vec3, vec3};
 use std::ops::Range;
 
 /// Number of stones and range of their mean radii, in the order in which they fall.
-const FALLS: [(usize, f32, f32); 4] =
-    [(26, 0.045, 0.062), (110, 0.024, 0.042), (330, 0.012, 0.022), (700, 0.005, 0.011)];
+const FALLS: [(usize, f32, f32); 4] = [
+    (26, 0.045, 0.062),
+    (110, 0.024, 0.042),
+    (330, 0.012, 0.022),
+    (700, 0.005, 0.011),
+];
 /// Nothing lies higher than this.
 const HIGHEST: f32 = 0.15;
 /// Places that each stone tries.
@@ -84,7 +88,11 @@ impl Stone {
     fn new(random: &mut Random, smallest: f32, largest: f32) -> Stone {
         // Many small ones, few large ones.
         let radius = smallest + (largest - smallest) * random.unit().powi(2);
-        let radii = vec3(random.range(0.9, 1.35), random.range(0.75, 1.05), random.range(0.5, 0.8)) * radius;
+        let radii = vec3(
+            random.range(0.9, 1.35),
+            random.range(0.75, 1.05),
+            random.range(0.5, 0.8),
+        ) * radius;
         let axis = vec3(random.range(-0.5, 0.5), random.range(-0.5, 0.5), 1.0).normalize();
         let x = axis.any_orthonormal_vector();
         let (sin, cos) = (random.unit() * std::f32::consts::TAU).sin_cos();
@@ -92,7 +100,11 @@ impl Stone {
         let world_from_stone = Mat3::from_cols(x, axis.cross(x), axis);
         let shape = Mat3::from_diagonal(1.0 / radii) * world_from_stone.transpose();
         let facets = [(); FACETS].map(|()| {
-            let normal = vec3(random.range(-1.0, 1.0), random.range(-1.0, 1.0), random.range(-1.0, 1.0));
+            let normal = vec3(
+                random.range(-1.0, 1.0),
+                random.range(-1.0, 1.0),
+                random.range(-1.0, 1.0),
+            );
             (normal.normalize_or(Vec3::Z), random.range(0.62, 0.95))
         });
         let rock = match random.unit() {
@@ -104,7 +116,15 @@ impl Stone {
             _ => Rock::Slate,
         };
         let (smallest, largest) = (radii.min_element(), radii.max_element());
-        Stone { center: Vec3::ZERO, shape, smallest, largest, facets, rock, id: random.bits() }
+        Stone {
+            center: Vec3::ZERO,
+            shape,
+            smallest,
+            largest,
+            facets,
+            rock,
+            id: random.bits(),
+        }
     }
 
     /// Distance to the surface, negative inside; `d` is from the centre.
@@ -125,16 +145,19 @@ impl Stone {
         let radius = 0.75 * self.largest;
         let reach = (radius * GROUND as f32).ceil() as i32;
         let (cx, cy) = ((place.x * GROUND as f32) as i32, (place.y * GROUND as f32) as i32);
-        (-reach..=reach).flat_map(move |j| (-reach..=reach).map(move |i| (i, j))).filter_map(move |(i, j)| {
-            let squared = (i * i + j * j) as f32 / (radius * GROUND as f32).max(0.5).powi(2);
-            let wrap = |v: i32| v.rem_euclid(GROUND as i32) as usize;
-            (squared <= 1.0).then(|| (wrap(cy + j) * GROUND + wrap(cx + i), squared))
-        })
+        (-reach..=reach)
+            .flat_map(move |j| (-reach..=reach).map(move |i| (i, j)))
+            .filter_map(move |(i, j)| {
+                let squared = (i * i + j * j) as f32 / (radius * GROUND as f32).max(0.5).powi(2);
+                let wrap = |v: i32| v.rem_euclid(GROUND as i32) as usize;
+                (squared <= 1.0).then(|| (wrap(cy + j) * GROUND + wrap(cx + i), squared))
+            })
     }
 
     /// Height of the centre if the stone falls at `place`.
     fn rest(&self, place: Vec3, ground: &[f32]) -> f32 {
-        let under = |(cell, squared): (usize, f32)| ground[cell] - self.smallest * (1.0 - (1.0 - squared).sqrt());
+        let under =
+            |(cell, squared): (usize, f32)| ground[cell] - self.smallest * (1.0 - (1.0 - squared).sqrt());
         // Stones lean into gaps, so they lie a little lower than their ellipsoids would.
         self.footprint(place).map(under).fold(-0.002, f32::max) + 0.62 * self.smallest
     }
@@ -197,7 +220,11 @@ impl Material for Gravel {
                 let dark = smoothstep(0.22, 0.42, fine);
                 let pale = smoothstep(0.15, 0.4, noise(85.0, 4));
                 let base = vec3(0.27, 0.25, 0.235).lerp(vec3(0.34, 0.25, 0.21), random(2));
-                (base.lerp(vec3(0.55, 0.52, 0.48), 0.7 * pale).lerp(vec3(0.035, 0.035, 0.04), 0.85 * dark), 0.5)
+                (
+                    base.lerp(vec3(0.55, 0.52, 0.48), 0.7 * pale)
+                        .lerp(vec3(0.035, 0.035, 0.04), 0.85 * dark),
+                    0.5,
+                )
             }
             Rock::Basalt => (vec3(0.062, 0.062, 0.066) * (1.0 + 0.3 * broad + 0.5 * fine), 0.42),
             Rock::Sandstone => {
@@ -212,11 +239,17 @@ impl Material for Gravel {
             }
             Rock::Quartz => {
                 let stain = smoothstep(0.1, 0.8, broad + 0.3 * fine);
-                (vec3(0.62, 0.59, 0.54).lerp(vec3(0.45, 0.31, 0.17), 0.7 * stain), 0.3)
+                (
+                    vec3(0.62, 0.59, 0.54).lerp(vec3(0.45, 0.31, 0.17), 0.7 * stain),
+                    0.3,
+                )
             }
             Rock::Slate => {
                 let band = 0.5 + 0.5 * (layers * 16.0 + 2.0 * broad).sin();
-                (vec3(0.115, 0.135, 0.15).lerp(vec3(0.18, 0.19, 0.19), band) * (1.0 + 0.2 * fine), 0.45)
+                (
+                    vec3(0.115, 0.135, 0.15).lerp(vec3(0.18, 0.19, 0.19), band) * (1.0 + 0.2 * fine),
+                    0.45,
+                )
             }
         };
         color *= 0.75 + 0.5 * random(5);

@@ -34,27 +34,53 @@ impl Leather {
     pub(super) fn new(seed: u64) -> Leather {
         let random = &mut Random::new(seed, "leather");
         let mut noise = || Noise::new(random);
-        Leather { warp: noise(), cells: noise(), fine: noise(), wrinkles: noise(), grain: noise(), color: noise() }
+        Leather {
+            warp: noise(),
+            cells: noise(),
+            fine: noise(),
+            wrinkles: noise(),
+            grain: noise(),
+            color: noise(),
+        }
     }
 
     fn relief(&self, p: Vec2) -> Relief {
         let q = p.extend(0.0);
-        let warp = vec2(self.warp.fractal(q, [5, 5], 3), self.warp.derive(9).fractal(q, [5, 5], 3));
+        let warp = vec2(
+            self.warp.fractal(q, [5, 5], 3),
+            self.warp.derive(9).fractal(q, [5, 5], 3),
+        );
         let stretched = (p + 0.035 * warp) * vec2(CELLS as f32, (CELLS + 3) as f32);
         let cell = self.cells.cells(stretched, [CELLS, CELLS + 3]);
         let fine = self.fine.cells((p + 0.012 * warp) * 41.0, [41, 41]);
         let wrinkle = self.wrinkles.fractal(q, [4, 4], 4);
-        let ridge = 1.0 - (self.wrinkles.derive(5).fractal(q + vec3(0.0, 0.0, 0.3), [3, 3], 2).abs() * 5.0).min(1.0);
+        let ridge = 1.0
+            - (self
+                .wrinkles
+                .derive(5)
+                .fractal(q + vec3(0.0, 0.0, 0.3), [3, 3], 2)
+                .abs()
+                * 5.0)
+                .min(1.0);
         let width = 0.11 + 0.08 * wrinkle;
         let crease = 1.0 - smoothstep(0.0, width.max(0.04), cell.edge);
         let fine_crease = 1.0 - smoothstep(0.0, 0.22, fine.edge);
         let dome = 1.0 - (1.0 - (cell.edge * 1.9).min(1.0)).powi(2);
         let pore_here = (fine.id & 15) < 2;
-        let pore = if pore_here { 1.0 - smoothstep(0.06, 0.22, fine.nearest) } else { 0.0 };
-        let height = 0.0062 * dome - 0.0040 * crease - 0.0016 * fine_crease * (0.3 + dome)
-            + 0.010 * wrinkle - 0.0065 * ridge * ridge - 0.005 * pore
+        let pore = if pore_here {
+            1.0 - smoothstep(0.06, 0.22, fine.nearest)
+        } else {
+            0.0
+        };
+        let height = 0.0062 * dome - 0.0040 * crease - 0.0016 * fine_crease * (0.3 + dome) + 0.010 * wrinkle
+            - 0.0065 * ridge * ridge
+            - 0.005 * pore
             + 0.0022 * ((cell.id >> 8 & 255) as f32 / 255.0);
-        Relief { height, crease: crease.max(0.8 * ridge * ridge), pore }
+        Relief {
+            height,
+            crease: crease.max(0.8 * ridge * ridge),
+            pore,
+        }
     }
 }
 
@@ -79,7 +105,8 @@ impl Material for Leather {
         let dark = vec3(0.045, 0.016, 0.008);
         let brown = vec3(0.155, 0.055, 0.021);
         let tan = vec3(0.33, 0.145, 0.058);
-        let mut diffuse = brown.lerp(tan, (0.55 * worn + 0.35 * tone).clamp(0.0, 1.0)) * (1.0 + 0.25 * mottle);
+        let mut diffuse =
+            brown.lerp(tan, (0.55 * worn + 0.35 * tone).clamp(0.0, 1.0)) * (1.0 + 0.25 * mottle);
         diffuse = diffuse.lerp(dark, (0.5 * relief.crease + 0.6 * relief.pore).min(0.9));
         let alpha = 0.27 + 0.22 * relief.crease + 0.12 * (0.5 + mottle) - 0.08 * worn;
         Attributes {

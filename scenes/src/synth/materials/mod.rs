@@ -34,11 +34,26 @@ pub(super) type Make = fn(u64, f32) -> Box<dyn Material>;
 
 /// Names and makers, in the same order.
 const NAMES: [MaterialDescription; 6] = [
-    MaterialDescription { name: "cloth", description: "tartan in 2/2 twill, spun yarns with stray fibres" },
-    MaterialDescription { name: "wool", description: "knitted loops of three-ply marled wool, fuzzy" },
-    MaterialDescription { name: "leather", description: "creased full-grain leather with pores and a waxed gloss" },
-    MaterialDescription { name: "sponge", description: "block with deep holes that open into each other" },
-    MaterialDescription { name: "gravel", description: "stones of six rocks and many sizes on sand" },
+    MaterialDescription {
+        name: "cloth",
+        description: "tartan in 2/2 twill, spun yarns with stray fibres",
+    },
+    MaterialDescription {
+        name: "wool",
+        description: "knitted loops of three-ply marled wool, fuzzy",
+    },
+    MaterialDescription {
+        name: "leather",
+        description: "creased full-grain leather with pores and a waxed gloss",
+    },
+    MaterialDescription {
+        name: "sponge",
+        description: "block with deep holes that open into each other",
+    },
+    MaterialDescription {
+        name: "gravel",
+        description: "stones of six rocks and many sizes on sand",
+    },
     MaterialDescription {
         name: "studs",
         description: "overhanging brass studs and steel beads on felt; highlights far above 1",
@@ -59,8 +74,15 @@ pub fn materials() -> &'static [MaterialDescription] {
 }
 
 pub(super) fn find(name: &str) -> Result<Make> {
-    let unknown = || Error::UnknownMaterial { name: name.into(), known: NAMES.map(|m| m.name).join(", ") };
-    NAMES.iter().position(|m| m.name == name).map(|n| MAKE[n]).ok_or_else(unknown)
+    let unknown = || Error::UnknownMaterial {
+        name: name.into(),
+        known: NAMES.map(|m| m.name).join(", "),
+    };
+    NAMES
+        .iter()
+        .position(|m| m.name == name)
+        .map(|n| MAKE[n])
+        .ok_or_else(unknown)
 }
 
 /// The normal tilted by a relief: `height` in patch widths over the surface, asked at points `step` apart.

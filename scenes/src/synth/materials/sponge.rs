@@ -9,8 +9,12 @@ use glam::{Mat3, Vec3, vec3};
 use std::ops::Range;
 
 /// Number of holes and range of their radii.
-const HOLES: [(usize, f32, f32); 4] =
-    [(90, 0.028, 0.052), (700, 0.013, 0.027), (3500, 0.006, 0.012), (7000, 0.0032, 0.0055)];
+const HOLES: [(usize, f32, f32); 4] = [
+    (90, 0.028, 0.052),
+    (700, 0.013, 0.027),
+    (3500, 0.006, 0.012),
+    (7000, 0.0032, 0.0055),
+];
 /// Depth of the deepest hole's centre.
 const DEPTH: f32 = 0.11;
 const BLOCK: u16 = 0;
@@ -41,20 +45,37 @@ impl Sponge {
                 let radius = smallest + (largest - smallest) * random.unit().powi(2);
                 let mut stretch = || radius * random.range(0.72, 1.3);
                 let radii = vec3(stretch(), stretch(), stretch());
-                let axis = vec3(random.range(-1.0, 1.0), random.range(-1.0, 1.0), random.range(-1.0, 1.0));
+                let axis = vec3(
+                    random.range(-1.0, 1.0),
+                    random.range(-1.0, 1.0),
+                    random.range(-1.0, 1.0),
+                );
                 let z = axis.normalize_or(Vec3::Z);
                 let x = z.any_orthonormal_vector();
                 let shape = Mat3::from_diagonal(1.0 / radii) * Mat3::from_cols(x, z.cross(x), z).transpose();
                 let deepest = -DEPTH + radius;
                 // Half of the holes break through the surface.
                 let highest = 0.35 * radius;
-                let lowest = if random.unit() < 0.5 { -0.8 * radius } else { deepest };
+                let lowest = if random.unit() < 0.5 {
+                    -0.8 * radius
+                } else {
+                    deepest
+                };
                 let depth = random.range(lowest, highest);
                 let center = vec3(random.unit(), random.unit(), depth);
-                holes.push(Hole { center, shape, smallest: radii.min_element(), largest: radii.max_element() });
+                holes.push(Hole {
+                    center,
+                    shape,
+                    smallest: radii.min_element(),
+                    largest: radii.max_element(),
+                });
             }
         }
-        Sponge { holes, surface, color }
+        Sponge {
+            holes,
+            surface,
+            color,
+        }
     }
 }
 

@@ -42,7 +42,8 @@ impl Studs {
         for n in 0..ROWS * ROWS {
             let (i, j) = (n % ROWS, n / ROWS);
             let shift = 0.5 * (j % 2) as f32;
-            let mut scatter = |amount: f32| vec2(random.range(-amount, amount), random.range(-amount, amount));
+            let mut scatter =
+                |amount: f32| vec2(random.range(-amount, amount), random.range(-amount, amount));
             let place = vec2(i as f32 + 0.5 + shift, j as f32 + 0.5) * pitch;
             studs.push(Stud {
                 center: place + scatter(0.004),
@@ -81,7 +82,11 @@ impl Stud {
         let height = if up > 0.0 { self.dome } else { 0.16 * self.radius };
         let cap = ((across / self.radius).powi(2) + (up / height).powi(2)).sqrt() - 1.0;
         let cap = cap * height.min(self.radius);
-        if up > 0.0 { cap } else { cap.min((across - self.stem).max(up)) }
+        if up > 0.0 {
+            cap
+        } else {
+            cap.min((across - self.stem).max(up))
+        }
     }
 }
 
@@ -98,7 +103,9 @@ impl Solid for Studs {
             if dy.abs() < reach {
                 let (cx, top) = (stud.center.x, stud.rim + stud.dome + 0.01);
                 let part = n as u16 + 1;
-                row.add(cx - reach..cx + reach, -0.015..top, part, |x| move |z| stud.distance(vec2(x - cx, dy), z));
+                row.add(cx - reach..cx + reach, -0.015..top, part, |x| {
+                    move |z| stud.distance(vec2(x - cx, dy), z)
+                });
             }
         }
     }
@@ -130,10 +137,22 @@ impl Material for Studs {
             0.00016 * source.space(vec3(ring(q) * 900.0, 0.5, 0.5), [4096, 4096])
                 + 0.0012 * source.derive(1).fractal(q, [20, 20], 2)
         };
-        let tarnish = smoothstep(0.05, 0.75, source.derive(2).fractal(p, [14, 14], 4) + 0.25 * (1.0 - normal.z));
+        let tarnish = smoothstep(
+            0.05,
+            0.75,
+            source.derive(2).fractal(p, [14, 14], 4) + 0.25 * (1.0 - normal.z),
+        );
         let dirt = smoothstep(stud.rim + 0.012, stud.rim - 0.004, p.z);
-        let bright = if stud.brass { vec3(0.94, 0.66, 0.30) } else { vec3(0.63, 0.61, 0.58) };
-        let dull = if stud.brass { vec3(0.40, 0.21, 0.075) } else { vec3(0.30, 0.27, 0.24) };
+        let bright = if stud.brass {
+            vec3(0.94, 0.66, 0.30)
+        } else {
+            vec3(0.63, 0.61, 0.58)
+        };
+        let dull = if stud.brass {
+            vec3(0.40, 0.21, 0.075)
+        } else {
+            vec3(0.30, 0.27, 0.24)
+        };
         let alpha = 0.085 + 0.16 * tarnish + 0.25 * dirt;
         Attributes {
             normal: bump(p, normal, 0.0012, relief),

@@ -50,7 +50,8 @@ impl Wool {
         let mut strands = Strands::default();
         for row in 0..ROWS {
             for ply in 0..PLIES {
-                let points = (0..=LOOPS * PIECES).map(|n| ply_center(&path, row, ply, n as f32 / PIECES as f32));
+                let points =
+                    (0..=LOOPS * PIECES).map(|n| ply_center(&path, row, ply, n as f32 / PIECES as f32));
                 strands.add((row * PLIES + ply) as u32, PLY, points);
             }
         }
@@ -63,7 +64,8 @@ impl Wool {
             let along = (center(&path, row, t + 0.02) - at).normalize();
             let side = along.cross(Vec3::Z).normalize_or(Vec3::X);
             let out = side * sin + Vec3::Z * cos;
-            let direction = (along * random.range(-1.0, 1.0) + side * random.range(-0.7, 0.7) + 0.35 * out).normalize();
+            let direction =
+                (along * random.range(-1.0, 1.0) + side * random.range(-0.7, 0.7) + 0.35 * out).normalize();
             let radius = (0.014 * WIDTH).max(0.72 * voxel);
             let length = random.range(0.25, 0.6) * WIDTH;
             strands.add(
@@ -73,17 +75,29 @@ impl Wool {
             );
         }
         strands.finish();
-        Wool { strands, plies, fibre, dye }
+        Wool {
+            strands,
+            plies,
+            fibre,
+            dye,
+        }
     }
 }
 
 /// Centre line of a row at `t` loops.
 fn center(path: &Noise, row: usize, t: f32) -> Vec3 {
     let phase = t * TAU;
-    let uneven = |n: u32, amount: f32| amount * path.derive(n).plane(vec2(t * 2.0, row as f32 + 0.5), [2 * LOOPS as i32, 64]);
+    let uneven = |n: u32, amount: f32| {
+        amount
+            * path
+                .derive(n)
+                .plane(vec2(t * 2.0, row as f32 + 0.5), [2 * LOOPS as i32, 64])
+    };
     vec3(
         (t + 0.25) * WIDTH + LEAN * (2.0 * phase).sin() + uneven(1, 0.06 * WIDTH),
-        (row as f32 + 0.5) * HEIGHT + REACH * (1.0 + uneven(2, 0.10)) * phase.cos() + uneven(3, 0.06 * HEIGHT),
+        (row as f32 + 0.5) * HEIGHT
+            + REACH * (1.0 + uneven(2, 0.10)) * phase.cos()
+            + uneven(3, 0.06 * HEIGHT),
         -DEPTH * (2.0 * phase).cos() + uneven(4, 0.02 * WIDTH),
     )
 }
@@ -137,13 +151,22 @@ impl Material for Wool {
         let twist = -7.0 * LOOPS as f32 / 8.0;
         let relief = |q: Vec3| {
             let on = self.strands.locate(segment, q);
-            on.fibres(source, twist, 13.0, 0.16 * WIDTH) + 0.6 * on.fibres(source.derive(1), twist, 26.0, 0.1 * WIDTH)
+            on.fibres(source, twist, 13.0, 0.16 * WIDTH)
+                + 0.6 * on.fibres(source.derive(1), twist, 26.0, 0.1 * WIDTH)
         };
         let fibre = relief(p);
         let fleck = smoothstep(0.34, 0.55, at.fibres(source.derive(2), twist, 11.0, 0.3 * WIDTH));
         let tone = self.dye.fractal(p, [4, 4], 3);
-        let shade = if strand as usize % PLIES == 0 { vec3(0.12, 0.30, 0.29) } else { petrol };
-        let fleck_color = if unit(source.bits(5, 5, 5)) < 0.5 { vec3(0.55, 0.50, 0.40) } else { vec3(0.42, 0.22, 0.045) };
+        let shade = if (strand as usize).is_multiple_of(PLIES) {
+            vec3(0.12, 0.30, 0.29)
+        } else {
+            petrol
+        };
+        let fleck_color = if unit(source.bits(5, 5, 5)) < 0.5 {
+            vec3(0.55, 0.50, 0.40)
+        } else {
+            vec3(0.42, 0.22, 0.045)
+        };
         let mut color = shade * (1.0 + 0.14 * tone + 0.26 * fibre);
         color = color.lerp(fleck_color, 0.75 * fleck);
         Attributes {

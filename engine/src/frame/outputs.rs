@@ -1,0 +1,77 @@
+//! What an engine has to show, and what of it can be changed between frames.
+
+use super::{Counters, Engine};
+use crate::{Result, metrics::Picture, residency::Summary};
+
+impl Engine {
+    /// What residency knows of itself.
+    pub fn summary(&self) -> Summary {
+        self.streaming
+            .as_ref()
+            .map(|streaming| streaming.residency.summary())
+            .unwrap_or_default()
+    }
+
+    /// Work that was not needed, and work that went wrong, since the start.
+    pub fn counters(&self) -> Counters {
+        self.counters
+    }
+
+    /// What went wrong without stopping the picture: the newest messages, the oldest first.
+    pub fn problems(&self) -> impl Iterator<Item = &str> {
+        self.problems.iter()
+    }
+
+    /// The last picture: linear radiance, before exposure. Waits for the GPU.
+    ///
+    /// # Errors
+    /// [`Error::Adapter`] if the device fails.
+    pub fn picture(&self) -> Result<Picture> {
+        self.renderer.picture()
+    }
+
+    /// The last picture in 8-bit sRGB with alpha, [y][x][rgba]. Waits for the GPU.
+    ///
+    /// # Errors
+    /// [`Error::Adapter`] if the device fails.
+    pub fn tonemapped(&self) -> Result<Vec<u8>> {
+        self.renderer.tonemapped()
+    }
+
+    /// For each pixel of the last frame the instance that it sees, counted from 1, and the triangle of its mesh;
+    /// zeros where nothing is. Waits for the GPU.
+    ///
+    /// # Errors
+    /// [`Error::Adapter`] if the device fails.
+    pub fn visibility(&self) -> Result<Vec<[u32; 2]>> {
+        self.renderer.visibility()
+    }
+
+    /// Changes the size of the picture.
+    ///
+    /// # Errors
+    /// [`Error::Budget`] for no pixels, or more than the adapter has.
+    pub fn resize(&mut self, size: (u32, u32)) -> Result<()> {
+        self.renderer.resize(size)?;
+        self.options.size = size;
+        // The next frame's view is a new one.
+        self.camera = None;
+        Ok(())
+    }
+
+    /// Changes the exposure: radiance is multiplied by 2^`stops` before tone mapping.
+    pub fn set_exposure_stops(&mut self, stops: f32) {
+        self.changed |= stops != self.options.exposure_stops;
+        self.options.exposure_stops = stops;
+    }
+
+    /// Pixels.
+    pub fn size(&self) -> (u32, u32) {
+        self.renderer.size()
+    }
+
+    /// Name of the adapter and its driver.
+    pub fn adapter(&self) -> String {
+        self.renderer.adapter()
+    }
+}

@@ -1,0 +1,163 @@
+//! What the renderer owns: passes, tables and caches, bind groups.
+
+use glam::Vec3;
+
+use super::{
+    bind::{self, Binding},
+    column_cache::ColumnCache,
+    context::Context,
+    feedback::Feedback,
+    geometry::Geometry,
+    materials::{self, Bases, Btf},
+    page_cache::PageCache,
+    page_table::{PageTable, Region},
+    shade::Shade,
+    targets::Targets,
+    tonemap::Tonemap,
+    visibility::Visibility,
+};
+use crate::Result;
+
+/// Reflectance of BTFs whose archives are not known yet.
+const UNKNOWN: Vec3 = Vec3::splat(0.18);
+
+/// Budgets of the caches.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Caches {
+    /// Bytes of the page cache.
+    pub page_bytes: u64,
+    /// Bytes of the column cache.
+    pub column_bytes: u64,
+}
+
+/// The passes, and the layouts of the bind groups that they share.
+pub(super) struct Passes {
+    pub(super) scene: wgpu::BindGroupLayout,
+    pub(super) caches: wgpu::BindGroupLayout,
+    pub(super) visibility: Visibility,
+    pub(super) feedback: Feedback,
+    pub(super) shade: Shade,
+    pub(super) tonemap: Tonemap,
+}
+
+/// What depends on the BTFs that are known.
+pub(super) struct Materials {
+    pub(super) table: wgpu::Buffer,
+    pub(super) directions: wgpu::Buffer,
+    pub(super) bases: Vec<Bases>,
+    pub(super) ambient_weights: Vec<Vec<f64>>,
+    pub(super) page_table: PageTable,
+    pub(super) page_table_buffer: wgpu::Buffer,
+    pub(super) pages: PageCache,
+    pub(super) columns: ColumnCache,
+}
+
+/// The bind groups.
+pub(super) struct Groups {
+    pub(super) scene: wgpu::BindGroup,
+    pub(super) caches: wgpu::BindGroup,
+    pub(super) feedback: wgpu::BindGroup,
+    pub(super) shade: wgpu::BindGroup,
+    pub(super) tonemap: wgpu::BindGroup,
+}
+
+impl Passes {
+    pub(super) fn new(context: &Context) -> Result<Self> {
+        use wgpu::ShaderStages as Stages;
+        // Camera, vertices, indices, instances, materials, lights.
+        let storage = [Binding::Storage; 5];
+        let scene = [&[Binding::Uniform], &storage[..]].concat();
+        let scene = bind::layout(context, "scene", Stages::VERTEX | Stages::COMPUTE, &scene);
+        // Page table, directions, pages, columns.
+        let caches = [
+            Binding::Storage,
+            Binding::Storage,
+            Binding::Layers,
+            Binding::Sampler,
+            Binding::Words,
+        ];
+        let caches = bind::layout(context, "caches", Stages::COMPUTE, &caches);
+        Ok(Self {
+            visibility: Visibility::new(context, &scene)?,
+            feedback: Feedback::new(context, &scene, &caches)?,
+            shade: Shade::new(context, &scene, &caches)?,
+            tonemap: Tonemap::new(context, &scene, &caches)?,
+            scene,
+            caches,
+        })
+    }
+}
+
+impl Materials {
+    pub(super) fn new(
+        context: &Context,
+        scene_materials: &[scenes::Material],
+        btfs: &[Btf],
+        btf_of: &[Option<usize>],
+        caches: Caches,
+    ) -> Result<Self> {
+        let tables = materials::pack(scene_materials, btfs, btf_of, UNKNOWN)?;
+        let regions = btfs.iter().zip(&tables.bases).map(|(btf, bases)| Region {
+            base: bases.page_table,
+            groups: btf.groups(),
+            pyramid: *btf.pyramid(),
+        });
+        let page_table = PageTable::new(tables.page_entries, regions.collect());
+        let column_quads = btfs.iter().map(Btf::column_quads).max().unwrap_or(1);
+        Ok(Self {
+            table: bind::storage(context, "materials", &tables.materials)?,
+            directions: bind::storage(context, "directions", &tables.directions)?,
+            bases: tables.bases,
+            ambient_weights: btfs.iter().map(|btf| btf.ambient_weights.clone()).collect(),
+            page_table_buffer: bind::storage(context, "page tables", page_table.entries())?,
+            page_table,
+            pages: PageCache::new(context, caches.page_bytes)?,
+            columns: ColumnCache::new(context, column_quads, caches.column_bytes)?,
+        })
+    }
+
+    pub(super) fn bytes(&self) -> u64 {
+        let buffers = [&self.table, &self.directions, &self.page_table_buffer];
+        buffers.iter().map(|buffer| buffer.size()).sum::<u64>() + self.pages.bytes() + self.columns.bytes()
+    }
+}
+
+impl Groups {
+    pub(super) fn new(
+        context: &Context,
+        passes: &Passes,
+        targets: &Targets,
+        geometry: &Geometry,
+        materials: &Materials,
+        frame: &wgpu::Buffer,
+    ) -> Self {
+        use wgpu::BindingResource::{Sampler, TextureView};
+        let scene = [
+            frame,
+            &geometry.vertices,
+            &geometry.indices,
+            &geometry.instances,
+            &materials.table,
+            &geometry.lights,
+        ];
+        let caches = [
+            materials.page_table_buffer.as_entire_binding(),
+            materials.directions.as_entire_binding(),
+            TextureView(&materials.pages.view),
+            Sampler(&materials.pages.sampler),
+            TextureView(&materials.columns.view),
+        ];
+        Self {
+            scene: bind::group(
+                context,
+                "scene",
+                &passes.scene,
+                &scene.map(wgpu::Buffer::as_entire_binding),
+            ),
+            caches: bind::group(context, "caches", &passes.caches, &caches),
+            feedback: passes.feedback.bind(context, targets),
+            shade: passes.shade.bind(context, targets),
+            tonemap: passes.tonemap.bind(context, targets),
+        }
+    }
+}
