@@ -60,7 +60,10 @@ fn check(shape: Shape, dtype: Dtype, samples: &[f32], components: u32) {
 
     // Never above the truth; below it by what the subspace misses, which is most where noise is flat.
     for (value, truth) in factors.singular_values.iter().zip(&truth) {
-        assert!(*value <= truth * (1.0 + 1e-5) + 1e-6 * norm, "{value} for {truth}");
+        assert!(
+            *value <= truth * (1.0 + 1e-5) + 1e-6 * norm,
+            "{value} for {truth}"
+        );
         assert!(*value >= truth * 0.9 - 1e-6 * norm, "{value} for {truth}");
     }
     if norm > 0.0 {

@@ -34,9 +34,9 @@ fn what_is_written_is_read() {
             for light in 0..2 {
                 for texel in 0..20 {
                     let found = btf.texel(view, light, texel as u32 % 5, texel as u32 / 5);
-                    for rgb in 0..3 {
+                    for (rgb, found) in found.into_iter().enumerate() {
                         let place = ((view * 2 + light) * 3 + rgb) * 20 + texel;
-                        assert_eq!(found[rgb], expected[place]);
+                        assert_eq!(found, expected[place]);
                         assert_eq!(btf.row(view, light, rgb).get(texel), expected[place]);
                     }
                 }

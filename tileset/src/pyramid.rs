@@ -188,8 +188,8 @@ impl Pyramid {
         })
     }
 
-    /// Width and height of a tile's payload, in texels; for the root that of the tail's finest mip. Zero for a
-    /// tile outside the pyramid.
+    /// Width and height of a tile's payload, in texels; for the root that of the tail's finest mip. Zero
+    /// for a tile outside the pyramid.
     pub fn payload(&self, tile: Tile) -> (u32, u32) {
         let (width, height) = self.mip_size(tile.mip);
         (

@@ -160,7 +160,8 @@ fn records_stand_in_streaming_order() {
                 ancestor = pyramid.parent(parent);
             }
         }
-        // All of these have the same parent, hence all are allowed at the same time: the best per byte comes first.
+        // All of these have the same parent, hence all are allowed at the same time: the best per byte
+        // comes first.
         let gain = |tile: Tile| {
             let ((width, height), record) = (pyramid.payload(tile), place(tile));
             f64::from(width * height) * f64::from(record.weight) / f64::from(record.length)

@@ -83,8 +83,8 @@ fn check(finest: MipImage, wrap: bool, step: f64) {
         assert_eq!(decoded, page.decoded);
         assert!(page.bytes.len() as u64 <= MAX_PAGE_BYTES.into());
 
-        // A coefficient is less than a step off. The transform keeps the sum of squares, so the mean square over
-        // whole blocks is less than step² a component, and one texel is less than 8 steps off.
+        // A coefficient is less than a step off. The transform keeps the sum of squares, so the mean square
+        // over whole blocks is less than step² a component, and one texel is less than 8 steps off.
         let mut squares = 0.0;
         let mut texels = 0.0;
         for_each_texel(&pyramid, tile, &decoded, |mip, [x, y], found| {

@@ -1,5 +1,5 @@
-//! An archive of version 1 as it was once written, kept as bytes: whatever changes in this crate, it must decode to the
-//! same values, on every platform.
+//! An archive of version 1 as it was once written, kept as bytes: whatever changes in this crate, it must
+//! decode to the same values, on every platform.
 //!
 //! A change of the format is a new version, a new fixture beside this one, and docs/format.md.
 

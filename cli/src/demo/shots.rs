@@ -105,10 +105,7 @@ impl Studio<'_> {
             let step = target.saturating_sub(line.0.borrow().delivered_bytes()) / STEPS + 1;
             let stats = loop {
                 let delivered = line.0.borrow().delivered_bytes();
-                // A few frames from one picture to the next; single records may be larger than a step.
-                line.0
-                    .borrow_mut()
-                    .advance(target.saturating_sub(delivered) / 4 + 2048);
+                line.0.borrow_mut().advance(step);
                 let stats = engine.frame(&self.camera)?;
                 bar.set_position(line.0.borrow().delivered_bytes());
                 let arrived = line.0.borrow().delivered_bytes();

@@ -69,6 +69,8 @@ impl Ledgers {
                         rms,
                         cosine: manifest.cosine,
                         column_texels,
+                        pages: index.pages().len() as u32,
+                        columns: index.columns().len() as u32,
                     },
                 );
             }

@@ -1,6 +1,6 @@
 //! How large the blocks may be.
 
-use super::stream::{MAX_TASKS, scratch_bytes};
+use super::stream::{SCRATCH_BYTES, task_texels};
 use crate::{Btf, Error, Result};
 
 /// More rows than this make the products no faster (512 is the depth at which faer splits them), only memory.
@@ -10,7 +10,7 @@ const MIN_BLOCK_ROWS: usize = 16;
 /// Packed operands of the products, the program and its stacks.
 const OVERHEAD_BYTES: u64 = 24 << 20;
 
-/// The most rows of a block, up to what is useful, with which a factorization stays within `limit_bytes` at its
+/// The most rows of a block, up to what is useful, with which factorizing and coding stay within `limit_bytes` at its
 /// peak. `width` is that of the subspace.
 ///
 /// # Errors
@@ -21,15 +21,17 @@ pub(super) fn block_rows(btf: &Btf, components: u32, width: usize, limit_bytes: 
     let kept = wide.min(components.into());
     // A pass holds Q and Z, both f32, or Q and Y; orthonormalization Z and Q.
     let pass = 4 * wide * (columns + columns.max(rows));
-    // For each of its rows a block has mapped samples, scratch memory of each thread, and partial products.
+    // For each of its rows a block has mapped samples and, of each task, a product of its own.
+    let tasks = btf.columns().div_ceil(task_texels(btf.columns())) as u64;
+    let block_row = columns * btf.dtype().bytes() as u64 + 4 * wide * (tasks + 1);
     let threads = rayon::current_num_threads() as u64;
-    let block_row = columns * btf.dtype().bytes() as u64
-        + threads * scratch_bytes(1) as u64
-        + 4 * wide * (MAX_TASKS as u64 + 1);
+    let overhead = OVERHEAD_BYTES + threads * SCRATCH_BYTES as u64;
     // Rayleigh-Ritz holds Q, Y, its f64 copy, and the SVD's U and working copy; then both factors.
     let ritz = 4 * wide * columns + (4 + 3 * 8) * wide * rows + 4 * kept * (rows + columns);
+    // Coding holds the factors, a decoded copy in halves and the records, and each thread's mips and pages.
+    let coding = 4 * kept * (rows + columns) + 3 * kept * columns + threads * 48 * columns;
     let least = MIN_BLOCK_ROWS.min(btf.rows());
-    let needed_bytes = ritz.max(pass + least as u64 * block_row) + OVERHEAD_BYTES;
+    let needed_bytes = ritz.max(coding).max(pass + least as u64 * block_row) + overhead;
     if needed_bytes > limit_bytes {
         let (rows, columns) = (btf.rows(), btf.columns());
         return Err(Error::OverBudget {
@@ -40,7 +42,7 @@ pub(super) fn block_rows(btf: &Btf, components: u32, width: usize, limit_bytes: 
             limit_bytes,
         });
     }
-    let affordable = (limit_bytes - OVERHEAD_BYTES - pass) / block_row;
+    let affordable = (limit_bytes - overhead - pass) / block_row;
     Ok(MAX_BLOCK_ROWS
         .min(btf.rows())
         .min(usize::try_from(affordable).unwrap_or(usize::MAX)))

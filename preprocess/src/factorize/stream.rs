@@ -1,6 +1,6 @@
 //! Passes over a BTF in blocks of rows, straight from its memory map.
 //!
-//! A block is never held as f32: each thread converts a few hundred texels of it into its own scratch memory,
+//! A block is never held as f32: each thread converts a panel of it into its own scratch memory,
 //! which stays in the second-level cache, and multiplies them there. Converting twice in a pass that needs two
 //! products is cheaper than writing f32 to memory and reading it again. Blocks that are done are released, so
 //! that a pass keeps one block of mapped samples resident.
@@ -17,21 +17,17 @@ use crate::npy::{MAX_SAMPLE, Samples};
 use crate::progress::{Phase, Progress, ProgressFn};
 use crate::{Btf, Result};
 
-/// Texels converted at a time: with 512 rows they take 1 MiB as f32.
-const PANEL_TEXELS: usize = 512;
+/// Rows and texels converted at a time. As f32 they take 1 MiB, a second-level cache; as halves each row is one page
+/// of memory, so that reading them is not a search for pages.
+const PANEL_ROWS: usize = 128;
+const PANEL_TEXELS: usize = 2048;
 /// Distance of rows in scratch memory beyond their length: rows whole powers of two apart share cache sets.
 const PADDING: usize = 16;
-/// Texels of one task at least; more tasks would only make more partial sums.
-const MIN_TASK_TEXELS: usize = 2048;
 /// Tasks of a block at most: bounds the memory of their partial sums.
-pub(super) const MAX_TASKS: usize = 64;
+const MAX_TASKS: usize = 64;
 
-fn panel_rows() -> usize { std::env::var("PR").map_or(128, |x| x.parse().unwrap()) }
-fn panel_texels() -> usize { std::env::var("PT").map_or(2048, |x| x.parse().unwrap()) }
-/// Bytes of scratch memory per thread for blocks of this many rows.
-pub(super) fn scratch_bytes(block_rows: usize) -> usize {
-    block_rows * (PANEL_TEXELS + PADDING) * size_of::<f32>()
-}
+/// Bytes of scratch memory of each thread.
+pub(super) const SCRATCH_BYTES: usize = PANEL_ROWS * (PANEL_TEXELS + PADDING) * size_of::<f32>();
 
 /// What is summed over all samples while they are read for the first time.
 #[derive(Clone, Copy, Debug, Default)]
@@ -77,21 +73,23 @@ impl Block<'_> {
     /// Calls `work` with panels that together are the texels of `range`: the first row within the block, the first
     /// texel, and the samples in f32, rows × texels, row-major, which may be overwritten.
     pub(super) fn panels(&self, range: Range<usize>, mut work: impl FnMut(usize, usize, MatMut<'_, f32>)) {
-        let stride = panel_texels().min(range.len()) + PADDING;
-        let mut scratch = vec![0f32; panel_rows().min(self.rows.len()) * stride];
-        for start in range.clone().step_by(panel_texels()) {
-            let texels = panel_texels().min(range.end - start);
-            for first_row in (0..self.rows.len()).step_by(panel_rows()) {
-                let rows = panel_rows().min(self.rows.len() - first_row);
+        let stride = PANEL_TEXELS.min(range.len()) + PADDING;
+        let mut scratch = vec![0f32; PANEL_ROWS.min(self.rows.len()) * stride];
+        for start in range.clone().step_by(PANEL_TEXELS) {
+            let texels = PANEL_TEXELS.min(range.end - start);
+            for first_row in (0..self.rows.len()).step_by(PANEL_ROWS) {
+                let rows = PANEL_ROWS.min(self.rows.len() - first_row);
                 let began = Instant::now();
                 for (row, out) in scratch.chunks_exact_mut(stride).enumerate().take(rows) {
                     let from = (first_row + row) * self.columns + start;
                     self.samples.slice(from..from + texels).to_f32(&mut out[..texels]);
                 }
-                self.read_nanoseconds.fetch_add(began.elapsed().as_nanos() as u64, Ordering::Relaxed);
+                self.read_nanoseconds
+                    .fetch_add(began.elapsed().as_nanos() as u64, Ordering::Relaxed);
                 // Not `from_row_major_slice_with_stride_mut`, which in faer 0.24.4 takes the stride for that of
                 // columns.
-                let panel = MatMut::from_column_major_slice_with_stride_mut(&mut scratch, texels, rows, stride);
+                let panel =
+                    MatMut::from_column_major_slice_with_stride_mut(&mut scratch, texels, rows, stride);
                 work(first_row, start, panel.transpose_mut());
             }
         }
@@ -181,10 +179,11 @@ impl<'a> Stream<'a> {
                 samples,
                 read_nanoseconds,
             });
-            // A NaN or infinity anywhere makes the sum of squares one, and a sample above the limit makes it
-            // exceed the limit's square.
+            // A NaN or infinity anywhere makes the sum of squares one, and a sample above the limit makes it exceed
+            // the limit's square.
+            let suspicious = !sums.energy.is_finite() || sums.energy > MAX_SAMPLE * MAX_SAMPLE;
             if first_time
-                && !(sums.energy <= MAX_SAMPLE * MAX_SAMPLE)
+                && suspicious
                 && let Some(error) = self.btf.find_bad_sample(range.clone())
             {
                 return Err(error);
@@ -210,7 +209,7 @@ impl<'a> Stream<'a> {
 
 /// Texels of one task.
 pub(super) fn task_texels(columns: usize) -> usize {
-    columns.div_ceil(MAX_TASKS).max(MIN_TASK_TEXELS)
+    columns.div_ceil(MAX_TASKS).max(PANEL_TEXELS)
 }
 
 /// Sum and sum of squares, in eight lanes that the compiler keeps in vector registers.

@@ -70,18 +70,18 @@ pub(crate) fn noise(seed: u64) -> impl FnMut() -> f32 {
 /// Samples like those of a material: a mean, smooth textures that fall off with their number, and noise.
 pub(crate) fn material(shape: Shape, terms: usize, noise_size: f32, seed: u64) -> Vec<f32> {
     let mut random = noise(seed);
-    let weights: Vec<Vec<f32>> = (0..terms)
-        .map(|_| (0..shape.rows()).map(|_| random()).collect())
+    let weights: Vec<Vec<f32>> = (0..shape.rows())
+        .map(|_| (0..terms).map(|_| random()).collect())
         .collect();
     let phases: Vec<[f32; 2]> = (0..terms).map(|_| [random() * 3.0, random() * 3.0]).collect();
     let mut samples = Vec::with_capacity(shape.samples());
-    for row in 0..shape.rows() {
+    for weights in &weights {
         for texel in 0..shape.columns() {
             let (x, y) = (texel % shape.width, texel / shape.width);
             let (x, y) = (x as f32 / shape.width as f32, y as f32 / shape.height as f32);
             let term = |c: usize| {
                 let wave = std::f32::consts::TAU * ((1 + c % 3) as f32 * x + (1 + c / 3) as f32 * y);
-                weights[c][row] / (1 + c) as f32 * (wave + phases[c][0]).sin()
+                weights[c] / (1 + c) as f32 * (wave + phases[c][0]).sin()
             };
             samples.push(1.0 + (0..terms).map(term).sum::<f32>() + noise_size * random());
         }

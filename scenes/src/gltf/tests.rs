@@ -32,7 +32,7 @@ fn document() -> Value {
             { "translation": [1, 2, 3], "children": [1, 2, 3] },
             { "mesh": 0, "scale": [2, 2, 2] },
             { "mesh": 0, "scale": [-1, 1, 1], "camera": 0 },
-            { "rotation": [0, 0.70710678, 0, 0.70710678], "extensions": { "KHR_lights_punctual": { "light": 0 } } },
+            { "rotation": [0, 1, 0, 1], "extensions": { "KHR_lights_punctual": { "light": 0 } } },
         ],
         "cameras": [{ "type": "perspective", "perspective": { "yfov": 0.8, "znear": 0.1 } }],
         "extensions": { "KHR_lights_punctual": { "lights": [{ "type": "directional", "color": [1, 0.5, 0], "intensity": 4 }] } },

@@ -11,8 +11,8 @@ const MAX_STEPS: u32 = 2000;
 /// Voxels that a step may go beyond what is surely free: finer detail than this is missed by some rays, and saves half
 /// of the steps along surfaces.
 const SLACK: f32 = 0.5;
-/// From the centre of a voxel to its corner: what the nearest sample may differ from the point asked for.
-const HALF_DIAGONAL: f32 = 0.87;
+/// Clearance in voxels above which the coarse grid gives the step.
+const CLEAR: f32 = 1.2;
 
 impl Volume {
     /// Where the ray from `origin` first enters the solid, in grid coordinates with x and y in [0, side); none if it
@@ -28,11 +28,10 @@ impl Volume {
             if p.z <= 0.0 {
                 return Some(p);
             }
-            // Right after a close approach the surface is surely near.
-            let coarse = if (0.01..0.9).contains(&before.1) { 0.0 } else { self.nearest(p) };
-            let step = if coarse > 1.9 {
+            let clear = self.clearance(p);
+            let step = if clear > CLEAR {
                 before = (0.0, 0.0);
-                coarse - HALF_DIAGONAL + SLACK
+                clear + SLACK
             } else {
                 let distance = self.distance(p);
                 if distance <= 0.0 {

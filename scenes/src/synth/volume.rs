@@ -13,6 +13,10 @@ use std::ops::Range;
 
 /// Stored units per voxel; 16 bits reach ±32 voxels.
 const UNITS: f32 = 1024.0;
+/// Side of a cube of the coarse grid, in voxels.
+const CUBE: usize = 2;
+/// Coarse units per voxel; 8 bits reach 16 voxels.
+const CLEAR_UNITS: f32 = 16.0;
 /// Radius of the distance transform in voxels; its square must be below 255.
 const REACH: usize = 15;
 /// Free voxels kept between the solid and the top of the grid.
@@ -43,6 +47,10 @@ pub(super) struct Volume {
     /// Distances, `[y][x][z]`; the first column and row come once more behind the last, so that interpolation
     /// does not wrap.
     distance: Vec<i16>,
+    /// Least distance in each cube of [`CUBE`] voxels, in [`CLEAR_UNITS`], `[y][x][z]`: small enough for a cache.
+    clear: Vec<u8>,
+    /// Cubes along z.
+    cube_levels: usize,
     /// Parts, `[y][x][z]`.
     part: Vec<u16>,
 }
@@ -205,6 +213,15 @@ impl Volume {
     pub(super) fn material_from_grid(&self, p: Vec3) -> Vec3 {
         let side = self.side as f32;
         Vec3::new((p.x + 0.5) / side, (p.y + 0.5) / side, self.bottom + p.z / side)
+    }
+
+    /// A length in voxels that is free around `p`, whose x and y lie in [0, side).
+    #[inline(always)]
+    pub(super) fn clearance(&self, p: Vec3) -> f32 {
+        let cube = |v: f32| v as i32 as usize / CUBE;
+        let k = cube(p.z).min(self.cube_levels - 1);
+        let column = cube(p.y) * (self.side / CUBE) + cube(p.x);
+        f32::from(self.clear[column * self.cube_levels + k]) * (1.0 / CLEAR_UNITS)
     }
 
     /// Distance in voxels at the sample nearest to `p`, whose x and y lie in [0, side).
@@ -398,6 +415,28 @@ fn closed(distance: Vec<i16>, side: usize, depth: usize) -> Vec<i16> {
         row[slice..].copy_from_slice(&from[..depth]);
     });
     closed
+}
+
+/// Least distance in each cube, with the samples on its far faces; negative ones count as 0.
+fn clearances(distance: &[i16], side: usize, depth: usize) -> Vec<u8> {
+    let (cubes, levels) = (side / CUBE, depth.div_ceil(CUBE));
+    let mut clear = vec![0; cubes * cubes * levels];
+    clear.par_chunks_mut(levels).enumerate().for_each(|(column, clear)| {
+        let (i, j) = (column % cubes * CUBE, column / cubes * CUBE);
+        let mut least = vec![i16::MAX; depth];
+        for y in j..=j + CUBE {
+            for x in i..=i + CUBE {
+                let samples = &distance[(y * (side + 1) + x) * depth..][..depth];
+                least.iter_mut().zip(samples).for_each(|(least, sample)| *least = (*least).min(*sample));
+            }
+        }
+        for (k, clear) in clear.iter_mut().enumerate() {
+            let span = &least[k * CUBE..(k * CUBE + CUBE + 1).min(depth)];
+            let least = span.iter().copied().min().unwrap_or(0).max(0);
+            *clear = (f32::from(least) * (CLEAR_UNITS / UNITS)) as u8;
+        }
+    });
+    clear
 }
 
 #[cfg(test)]

@@ -1,5 +1,5 @@
-//! Any bytes as the record of a column, plain and as the content of a zstd frame: refused, or decoded to finite
-//! values.
+//! Any bytes as the record of a column, plain and as the content of a zstd frame: refused, or decoded to
+//! finite values.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

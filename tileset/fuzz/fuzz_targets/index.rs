@@ -1,5 +1,5 @@
-//! Any bytes as a whole archive, as they are and with all checksums of the prefix made right, so that the fuzzer
-//! reaches what lies behind them: refused, or every record can be asked for.
+//! Any bytes as a whole archive, as they are and with all checksums of the prefix made right, so that the
+//! fuzzer reaches what lies behind them: refused, or every record can be asked for.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

@@ -9,8 +9,8 @@ const ENTRY_BYTES: usize = 24;
 pub(super) const MAX_DIRECTORY_BYTES: u64 =
     frame::bound((MAX_PAGES as usize + MAX_COMPONENTS as usize / GROUP_COMPONENTS) * ENTRY_BYTES) as u64;
 
-/// All columns, then all pages, as a zstd frame of the byte planes of entries of 24 bytes. Offsets count from the end of the
-/// directory, whose length is not known before.
+/// All columns, then all pages, as a zstd frame of the byte planes of entries of 24 bytes. Offsets count
+/// from the end of the directory, whose length is not known before.
 pub(super) fn encode<'a>(records: impl Iterator<Item = &'a Record>) -> Result<Vec<u8>> {
     let mut bytes = Vec::new();
     for record in records {

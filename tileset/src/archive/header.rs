@@ -8,7 +8,8 @@ use crate::{Error, Result, error::corrupt};
 /// Length of the fixed header.
 pub const HEADER_BYTES: usize = 64;
 
-/// First bytes of every archive. The first is no text, and the last two are changed by whatever converts line ends.
+/// First bytes of every archive. The first is no text, and the last two are changed by whatever converts
+/// line ends.
 pub(super) const MAGIC: [u8; 8] = *b"\x89BSVTF\r\n";
 /// The version that is written, and the newest that is read.
 pub(super) const VERSION: u32 = 1;

@@ -33,7 +33,8 @@ pub struct Index {
     pub manifest: Manifest,
     /// Geometry of the pages.
     pub pyramid: Pyramid,
-    /// Content hash of the archive: XXH3-128 over header, manifest and directory, and so over the hashes of all records.
+    /// Content hash of the archive: XXH3-128 over header, manifest and directory, and so over the hashes of
+    /// all records.
     pub id: u128,
     /// Bytes of the whole archive.
     pub file_bytes: u64,

@@ -45,11 +45,11 @@ impl PartialOrd for Candidate {
     }
 }
 
-/// All records that are stored, greedily by predicted reduction of squared error per byte: a column comes before
-/// its group's pages, a page before its children.
+/// All records that are stored, greedily by predicted reduction of squared error per byte: a column comes
+/// before its group's pages, a page before its children.
 ///
-/// A page's gain is its weight times the share of the material that it covers. A column alone shows nothing, so it
-/// is judged together with the root behind it.
+/// A page's gain is its weight times the share of the material that it covers. A column alone shows
+/// nothing, so it is judged together with the root behind it.
 pub(super) fn streaming_order(pyramid: &Pyramid, groups: u16, sizes: &impl Sizes) -> Vec<Item> {
     let root = |group| PageId {
         group,

@@ -54,8 +54,8 @@ impl<R: ReadAt> Archive<R> {
     /// A page's record, checked; empty if the page equals its up-sampled parent.
     ///
     /// # Errors
-    /// [`Error::NotFound`] if the archive has no such page, [`Error::Corrupt`] if its checksum does not match,
-    /// [`Error::Io`].
+    /// [`Error::NotFound`] if the archive has no such page, [`Error::Corrupt`] if its checksum does not
+    /// match, [`Error::Io`].
     pub fn read_page(&self, page: PageId) -> Result<Vec<u8>> {
         let record = self.index.page(page)?;
         self.read_record(&page.to_string(), record)

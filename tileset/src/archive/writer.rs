@@ -54,8 +54,8 @@ impl ArchiveWriter {
     /// Adds a page's record. Every page must be added once.
     ///
     /// # Errors
-    /// [`Error::NotFound`] if the manifest has no such page; [`Error::Invalid`] if it is there already, or too
-    /// long, or `weight` is not a finite number from zero up.
+    /// [`Error::NotFound`] if the manifest has no such page; [`Error::Invalid`] if it is there already, or
+    /// too long, or `weight` is not a finite number from zero up.
     pub fn add_page(&mut self, page: PageId, bytes: Vec<u8>, weight: f64) -> Result<()> {
         let place = self.page_place(page);
         let pending = place.and_then(|place| self.pages.get_mut(place));
@@ -87,8 +87,8 @@ impl ArchiveWriter {
         )
     }
 
-    /// Orders the records so that a prefix of the file is already a picture, and writes all of it; returns the
-    /// number of bytes.
+    /// Orders the records so that a prefix of the file is already a picture, and writes all of it; returns
+    /// the number of bytes.
     ///
     /// A column comes before its group's pages, a page before its children; among what is allowed the next
     /// record is the one with the largest predicted reduction of squared error per byte.

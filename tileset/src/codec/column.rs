@@ -9,7 +9,7 @@ const TEXEL_BYTES: usize = 8;
 /// Most bytes of a column's record.
 pub const MAX_COLUMN_BYTES: u32 = frame::bound(MAX_COLUMN_TEXELS as usize * TEXEL_BYTES) as u32;
 
-/// A decoded eigen-ABRDF column of one group, [view][light][rgb][component of the group].
+/// A decoded eigen-ABRDF column of one group, `[view][light][rgb][component of the group]`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Column {
     /// views × lights × 3 texels of four components.

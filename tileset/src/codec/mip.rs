@@ -1,6 +1,6 @@
 //! One mip of a group's eigen-textures before coding, and the filter that makes the next coarser one.
 
-/// One group's eigen-textures at one mip, [y][x][component], scaled, before coding.
+/// One group's eigen-textures at one mip, `[y][x][component]`, scaled, before coding.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MipImage {
     /// Texels.
@@ -15,7 +15,8 @@ impl MipImage {
     /// The next coarser mip: box filter weighted by covered area, sides halved and rounded up.
     ///
     /// A coarse texel covers W / ⌈W/2⌉ fine ones: two, or a little less where W is odd. None reaches beyond
-    /// the edge, so wrapping makes no difference; the mean of the mip is kept exactly either way. Sums run in f64.
+    /// the edge, so wrapping makes no difference; the mean of the mip is kept exactly either way. Sums run
+    /// in f64.
     ///
     /// # Panics
     /// If `texels` does not hold width × height texels.
@@ -73,8 +74,8 @@ impl Coverage {
     }
 }
 
-/// What each texel of the coarser side covers of the finer one. Lengths are counted in 1/coarse of a fine texel,
-/// so that they are whole numbers.
+/// What each texel of the coarser side covers of the finer one. Lengths are counted in 1/coarse of a fine
+/// texel, so that they are whole numbers.
 fn coverage(fine: u32) -> Vec<Coverage> {
     let (fine, coarse) = (u64::from(fine), u64::from(fine.div_ceil(2)));
     (0..coarse)

@@ -1,12 +1,12 @@
 //! Pages and columns to bytes and back.
 //!
-//! A page is coded as the 8×8 DCT of its difference to its up-sampled, *decoded* parent (closed loop: errors do
-//! not add up from mip to mip), quantized with one step for all components and packed with zstd. A column is
-//! packed without loss. docs/format.md gives every byte.
+//! A page is coded as the 8×8 DCT of its difference to its up-sampled, *decoded* parent (closed loop:
+//! errors do not add up from mip to mip), quantized with one step for all components and packed with zstd.
+//! A column is packed without loss. docs/format.md gives every byte.
 //!
-//! Decoding gives the same bits on every platform: additions and multiplications of f32 in a fixed order, never
-//! fused, and constants instead of run-time cosines. So pages that were coded on one machine meet the very same
-//! parents on another.
+//! Decoding gives the same bits on every platform: additions and multiplications of f32 in a fixed order,
+//! never fused, and constants instead of run-time cosines. So pages that were coded on one machine meet the
+//! very same parents on another.
 //!
 //! - [`MipImage`]: one mip before coding, and the filter that makes the next.
 //! - [`encode_page`], [`decode_page`]: one page.
@@ -15,8 +15,8 @@
 //! No files, no threads; nothing is kept between calls but zstd's working memory, one per thread.
 //!
 //! Source: Schwartz, Ruiters, Klein, 2013, section 6 (8×8 DCT of the difference to the up-sampled parent) and
-//! equation 8 (the weight of a page). Different from the paper: the loop is closed, up-sampling is sharper, levels
-//! are chosen by rate and distortion, and zstd replaces deflate.
+//! equation 8 (the weight of a page). Different from the paper: the loop is closed, up-sampling is sharper,
+//! levels are chosen by rate and distortion, and zstd replaces deflate.
 
 mod column;
 mod dct;

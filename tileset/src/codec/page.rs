@@ -16,7 +16,7 @@ use crate::{Codec, Error, PageId, Pyramid, Result, SLOT_AREA, SLOT_TEXELS, Tile,
 /// Most bytes of a page's record.
 pub const MAX_PAGE_BYTES: u32 = frame::bound(symbols::packed_bound(SLOT_AREA / BLOCK_AREA)) as u32;
 
-/// A decoded page: one slot of half floats, [y][x][component of the group], rows of
+/// A decoded page: one slot of half floats, `[y][x][component of the group]`, rows of
 /// [`crate::SLOT_TEXELS`]; texels outside payload and border are zero.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Page {
@@ -132,7 +132,8 @@ pub fn decode_page(
 /// The quantizer step, as the transform uses it.
 pub(crate) fn step(codec: Codec) -> Result<f32> {
     let Codec::DctDeltaZstd { step } = codec;
-    // With steps up to this no product of the decoder can overflow, so nothing is ever infinite or not a number.
+    // With steps up to this no product of the decoder can overflow, so nothing is ever infinite or not a
+    // number.
     let range = 1e-6..=1e6;
     if !range.contains(&step) {
         return Err(Error::Invalid {
@@ -164,7 +165,8 @@ fn finish(pyramid: &Pyramid, tile: Tile, region: &Region, mut texels: Vec<Texel>
         texels: vec![[f16::ZERO; 4]; SLOT_AREA],
     };
     for (y, row) in texels.chunks_exact_mut(region.width).enumerate() {
-        // What lies above the range of half floats, which only a damaged record asks for, must not become infinite.
+        // What lies above the range of half floats, which only a damaged record asks for, must not become
+        // infinite.
         for texel in row.iter_mut() {
             texel.0 = texel.0.map(|value| value.clamp(-HALF_MAX, HALF_MAX));
         }
@@ -186,8 +188,8 @@ fn difference(a: [f16; 4], b: [f16; 4]) -> [f64; 4] {
     std::array::from_fn(|c| f64::from(a[c].to_f32()) - f64::from(b[c].to_f32()))
 }
 
-/// Mean over the payload's texels of the squares summed over the components; `values` gets the index in the slot and the
-/// index in the region.
+/// Mean over the payload's texels of the squares summed over the components; `values` gets the index in the
+/// slot and the index in the region.
 fn mean_square(region: &Region, values: impl Fn(usize, usize) -> [f64; 4]) -> f64 {
     let (columns, rows) = region.payload();
     let mut sum = 0.0;

@@ -1,9 +1,9 @@
 //! Residual to quantized coefficients, chosen for the least error at the bytes they will take, and back.
 //!
-//! The choice between two neighbouring levels weighs squared error against code length (rate-distortion optimal
-//! quantization). It is the encoder's alone: decoders only see levels. On eigen-textures of a woven cloth it saves
-//! 3, 10 and 21 % of all bytes against plain rounding at a relative error of 0.024, 0.046 and 0.09, and 1, 4
-//! and 9 % against the best fixed dead zone.
+//! The choice between two neighbouring levels weighs squared error against code length (rate-distortion
+//! optimal quantization). It is the encoder's alone: decoders only see levels. On eigen-textures of a woven
+//! cloth it saves 3, 10 and 21 % of all bytes against plain rounding at a relative error of 0.024, 0.046
+//! and 0.09, and 1, 4 and 9 % against the best fixed dead zone.
 
 use super::{
     dct::{self, BLOCK, BLOCK_AREA, Block},
@@ -94,8 +94,8 @@ fn transform(region: &Region, residual: &[Texel]) -> Vec<Block> {
         .collect()
 }
 
-/// Quantizes coefficients, given in steps. `above` is asked for the position, the levels next to the coefficient
-/// towards zero and away from it, and how far the coefficient is from the first of them.
+/// Quantizes coefficients, given in steps. `above` is asked for the position, the levels next to the
+/// coefficient towards zero and away from it, and how far the coefficient is from the first of them.
 fn choose(blocks: &[Block], above: impl Fn(usize, [i32; 2], f32) -> bool) -> Vec<Levels> {
     let level = |position: usize, value: f32| {
         let magnitude = value.abs();

@@ -1,9 +1,10 @@
 //! Quantized coefficients to bytes and back.
 //!
-//! A coefficient becomes one byte: 0, -1, 1, -2, 2 … are 0, 1, 2, 3, 4 …, and what does not fit is marked by 255
-//! and follows behind all bytes in four. The bytes lie component by component, in it position by position from low
-//! to high frequency, and there block by block, so that zstd finds neighbours that are alike. Packing several
-//! small values into a byte was measured, too: no gain at high rates, 2 % at low ones.
+//! A coefficient becomes one byte: 0, -1, 1, -2, 2 … are 0, 1, 2, 3, 4 …, and what does not fit is marked
+//! by 255 and follows behind all bytes in four. The bytes lie component by component, in it position by
+//! position from low to high frequency, and there block by block, so that zstd finds neighbours that are
+//! alike. Packing four small values into a byte where they are rare was measured, too: it saves 2 % at
+//! most.
 
 use super::dct::{BLOCK, BLOCK_AREA};
 
@@ -11,7 +12,7 @@ use super::dct::{BLOCK, BLOCK_AREA};
 pub(crate) const MAX_LEVEL: i32 = (1 << 23) - 1;
 const ESCAPE: u8 = u8::MAX;
 
-/// The quantized coefficients of one block, [v][u][component].
+/// The quantized coefficients of one block, `[v][u][component]`.
 pub(crate) type Levels = [[i32; 4]; BLOCK_AREA];
 
 /// Positions in a block from low to high frequency.

@@ -9,8 +9,8 @@ const _: () = assert!(
     "the tail fits into its slot"
 );
 
-/// Fills in what the finest mip's payload determines. Each mip is the box filter of the half floats of the next
-/// finer one, so that a decoder gets the same bits as the encoder.
+/// Fills in what the finest mip's payload determines. Each mip is the box filter of the half floats of the
+/// next finer one, so that a decoder gets the same bits as the encoder.
 pub(super) fn assemble(pyramid: &Pyramid, page: &mut Page) {
     let root = pyramid.root();
     let (width, height) = pyramid.mip_size(root.mip);

@@ -3,7 +3,8 @@
 use std::ops::{Add, Mul, Sub};
 
 /// One texel of a component group. Plain lane-wise f32 arithmetic, which the compiler turns into vector
-/// instructions; Rust never fuses a multiplication with an addition, so results have the same bits everywhere.
+/// instructions; Rust never fuses a multiplication with an addition, so results have the same bits
+/// everywhere.
 #[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(transparent)]
 pub(crate) struct Texel(pub [f32; 4]);

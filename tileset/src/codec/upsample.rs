@@ -1,8 +1,8 @@
 //! Prediction of a page from its decoded parent.
 //!
-//! Cubic convolution with a = -1/2 (Keys: Cubic Convolution Interpolation for Digital Image Processing, 1981). On
-//! eigen-textures of a woven cloth it saves 1.5 to 2 % of all bytes against bilinear interpolation at the same
-//! error; a between -0.4 and -0.75 differs by less than 0.5 %.
+//! Cubic convolution with a = -1/2 (Keys: Cubic Convolution Interpolation for Digital Image Processing,
+//! 1981). On eigen-textures of a woven cloth it saves 1.5 to 2 % of all bytes against bilinear
+//! interpolation at the same error; a between -0.4 and -0.75 differs by less than 0.5 %.
 
 use half::{f16, slice::HalfFloatSliceExt};
 
@@ -17,8 +17,8 @@ struct Taps {
 
 /// The texels of `region`, the coded region of `tile`, as its parent's slot shows them.
 ///
-/// The child's texel x lies at (x + 1/2)·P/C - 1/2 in the parent's mip, P and C being the sides of the mips: not
-/// always the half, for sides are rounded up.
+/// The child's texel x lies at (x + 1/2)·P/C - 1/2 in the parent's mip, P and C being the sides of the
+/// mips: not always the half, for sides are rounded up.
 pub(super) fn upsample(pyramid: &Pyramid, tile: Tile, region: &Region, parent: &Page) -> Vec<Texel> {
     let parent_tile = Tile {
         mip: tile.mip + 1,
@@ -80,9 +80,9 @@ impl Taps {
     }
 }
 
-/// The taps of `count` texels from `start` on. Positions are exact rational numbers, so no rounding can choose
-/// another texel on another platform. Taps stay inside payload and border of the parent; they would leave it
-/// only where a side is one texel in both mips, and there the border holds nothing else.
+/// The taps of `count` texels from `start` on. Positions are exact rational numbers, so no rounding can
+/// choose another texel on another platform. Taps stay inside payload and border of the parent; they would
+/// leave it only where a side is one texel in both mips, and there the border holds nothing else.
 fn taps(start: i64, count: usize, child: u32, parent: u32, parent_page: u16, payload: u32) -> Vec<Taps> {
     let (child, parent) = (i64::from(child), i64::from(parent));
     let slot_from_mip = i64::from(BORDER_TEXELS) - i64::from(parent_page) * i64::from(PAGE_TEXELS);
@@ -125,7 +125,8 @@ mod tests {
     }
 
     proptest! {
-        /// Without clamping: the four taps of every texel of every page lie inside the parent's bordered slot.
+        /// Without clamping: the four taps of every texel of every page lie inside the parent's bordered
+        /// slot.
         #[test]
         fn taps_stay_inside_the_parent(size in 33u32..3000) {
             let parent_size = size.div_ceil(2);

@@ -18,7 +18,8 @@ impl Noise {
     }
 }
 
-/// Bumps of two sizes and some noise, all from rational functions, so that they have the same bits everywhere.
+/// Bumps of two sizes and some noise, all from rational functions, so that they have the same bits
+/// everywhere.
 pub(crate) fn image(width: u32, height: u32, seed: u32) -> MipImage {
     let mut noise = Noise(seed);
     let bump = |t: f32| {
