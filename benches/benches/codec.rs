@@ -10,7 +10,8 @@ fn chain(codec: Codec, pyramid: &Pyramid, mips: &[MipImage]) -> Vec<(Tile, Encod
     for mip in (0..=pyramid.tail_mip()).rev() {
         let tile = Tile { mip, x: 0, y: 0 };
         let parent = pages.last().map(|(_, page)| &page.decoded);
-        let page = encode_page(codec, pyramid, tile, &mips[usize::from(mip)], parent).expect("a page is coded");
+        let page =
+            encode_page(codec, pyramid, tile, &mips[usize::from(mip)], parent).expect("a page is coded");
         pages.push((tile, page));
     }
     pages
@@ -28,12 +29,17 @@ fn codec(criterion: &mut Criterion) {
     for step in [0.1, 0.02, 0.004] {
         let codec = Codec::DctDeltaZstd { step };
         let pages = chain(codec, &pyramid, &mips);
-        let [.., (_, parent), (tile, page)] = &pages[..] else { panic!("256 texels have several mips") };
+        let [.., (_, parent), (tile, page)] = &pages[..] else {
+            panic!("256 texels have several mips")
+        };
         let label = format!("step {step}, {} bytes", page.bytes.len());
         group.bench_function(BenchmarkId::new("encode", &label), |bencher| {
             bencher.iter(|| encode_page(codec, &pyramid, *tile, &mips[0], Some(&parent.decoded)));
         });
-        let id = PageId { group: 0, tile: *tile };
+        let id = PageId {
+            group: 0,
+            tile: *tile,
+        };
         group.bench_function(BenchmarkId::new("decode", &label), |bencher| {
             bencher.iter(|| decode_page(codec, &pyramid, id, &page.bytes, Some(&parent.decoded)));
         });

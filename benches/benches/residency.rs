@@ -11,10 +11,16 @@ const GROUPS: u16 = 25;
 fn material(pyramid: Pyramid) -> MaterialInfo {
     let weights = (0..GROUPS)
         .flat_map(|group| {
-            pyramid.tiles().map(move |tile| 0.1 * 0.7f32.powi(group.into()) * 0.5f32.powi((8 - tile.mip).into()))
+            pyramid
+                .tiles()
+                .map(move |tile| 0.1 * 0.7f32.powi(group.into()) * 0.5f32.powi((8 - tile.mip).into()))
         })
         .collect();
-    MaterialInfo { pyramid, groups: GROUPS, weights }
+    MaterialInfo {
+        pyramid,
+        groups: GROUPS,
+        weights,
+    }
 }
 
 /// Votes for every tile of every material; they differ from frame to frame.
@@ -33,7 +39,11 @@ fn votes(pyramid: &Pyramid, frame: u32) -> Vec<Vote> {
 
 fn update(criterion: &mut Criterion) {
     let pyramid = Pyramid::new(512, 512, true).expect("a valid size");
-    let limits = Limits { page_slots: 20_000, column_slots: 2_500, in_flight: 64 };
+    let limits = Limits {
+        page_slots: 20_000,
+        column_slots: 2_500,
+        in_flight: 64,
+    };
     let mut residency = Residency::new(limits);
     for _ in 0..MATERIALS {
         residency.add_material(material(pyramid));

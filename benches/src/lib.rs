@@ -19,5 +19,9 @@ pub fn eigen_textures(side: u32) -> MipImage {
         let (x, y) = ((i % side) as f32, (i / side) as f32);
         std::array::from_fn(|component| 0.3 * wave(x, y, component) / 3f32.powi(component as i32))
     };
-    MipImage { width: side, height: side, texels: (0..side * side).map(texel).collect() }
+    MipImage {
+        width: side,
+        height: side,
+        texels: (0..side * side).map(texel).collect(),
+    }
 }

@@ -1,6 +1,6 @@
 //! `eigentile serve`: a folder of archives over HTTP.
 
-use std::io::IsTerminal;
+use std::io::{IsTerminal, Write};
 use std::net::SocketAddr;
 use std::path::PathBuf;
 
@@ -57,7 +57,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         if arguments.json {
             file::print_json(&json!({ "address": address, "archives": names }))?;
         } else {
-            println!("listening on {address}");
+            writeln!(std::io::stdout().lock(), "listening on {address}")?;
         }
         tileserver::run(listener, collection, Options::default(), interrupted()).await?;
         Ok(())

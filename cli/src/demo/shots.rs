@@ -21,7 +21,7 @@ use crate::render::{budgeted, settle};
 /// Shares of all bytes after which a picture is kept, percent.
 const SHARES: [u32; 4] = [1, 5, 25, 100];
 /// Frames from one of these pictures to the next, about.
-const STEPS: u64 = 6;
+const STEPS: u64 = 4;
 /// Longest time for one refinement.
 const PATIENCE: Duration = Duration::from_secs(600);
 /// How long to let the network work when a frame brought nothing.

@@ -93,8 +93,9 @@ impl Ledgers {
             .map(|stated| stated.column_texels)
             .max()
             .unwrap_or(0);
-        let page_bytes = u64::from(pages) * SLOT_AREA as u64 * TEXEL_BYTES;
-        let column_bytes = u64::from(columns) * column_texels * TEXEL_BYTES;
+        // One more of each: budgets are rounded down to whole slots.
+        let page_bytes = (u64::from(pages) + 1) * SLOT_AREA as u64 * TEXEL_BYTES;
+        let column_bytes = (u64::from(columns) + 1) * column_texels * TEXEL_BYTES;
         (page_bytes * 3 / 2).max(column_bytes * 3)
     }
 
@@ -102,7 +103,7 @@ impl Ledgers {
     pub(crate) fn ample_bytes(&self) -> u64 {
         let sum =
             |value: fn(&Stated) -> u32| self.by_archive.values().map(value).fold(0, u32::saturating_add);
-        self.cache_bytes(sum(|stated| stated.pages), sum(|stated| stated.columns)) + (1 << 20)
+        self.cache_bytes(sum(|stated| stated.pages), sum(|stated| stated.columns))
     }
 
     /// Stated errors by archive.

@@ -8,7 +8,13 @@ const MAX_BLOCK_ROWS: usize = 512;
 /// Fewer rows than this would leave the products waiting for memory: refused as over budget.
 const MIN_BLOCK_ROWS: usize = 16;
 /// Packed operands of the products, the program and its stacks.
-const OVERHEAD_BYTES: u64 = 24 << 20;
+const OVERHEAD_BYTES: u64 = 32 << 20;
+
+/// What the system's allocator makes of this many bytes in use: it keeps what is freed between pieces that are
+/// not. A quarter was measured at the full size; a third is reserved.
+fn resident(bytes: u64) -> u64 {
+    bytes.saturating_mul(4) / 3
+}
 
 /// The most rows of a block, up to what is useful, with which factorizing and coding stay within `limit_bytes` at its
 /// peak. `width` is that of the subspace.
@@ -31,7 +37,7 @@ pub(super) fn block_rows(btf: &Btf, components: u32, width: usize, limit_bytes: 
     // Coding holds the factors, a decoded copy in halves and the records, and each thread's mips and pages.
     let coding = 4 * kept * (rows + columns) + 3 * kept * columns + threads * 48 * columns;
     let least = MIN_BLOCK_ROWS.min(btf.rows());
-    let needed_bytes = ritz.max(coding).max(pass + least as u64 * block_row) + overhead;
+    let needed_bytes = resident(ritz.max(coding).max(pass + least as u64 * block_row)) + overhead;
     if needed_bytes > limit_bytes {
         let (rows, columns) = (btf.rows(), btf.columns());
         return Err(Error::OverBudget {
@@ -42,8 +48,7 @@ pub(super) fn block_rows(btf: &Btf, components: u32, width: usize, limit_bytes: 
             limit_bytes,
         });
     }
-    let affordable = (limit_bytes - overhead - pass) / block_row;
-    Ok(MAX_BLOCK_ROWS
-        .min(btf.rows())
-        .min(usize::try_from(affordable).unwrap_or(usize::MAX)))
+    let affordable = ((limit_bytes - overhead) / 4 * 3).saturating_sub(pass) / block_row;
+    let affordable = usize::try_from(affordable).unwrap_or(usize::MAX).max(least);
+    Ok(affordable.min(MAX_BLOCK_ROWS).min(btf.rows()))
 }

@@ -9,7 +9,7 @@ use super::{ENVIRONMENT_EXTENSION, MATERIAL_EXTENSION};
 use crate::{Camera, Error, Light, Mesh, Result, Scene, Surface, file};
 
 /// Writes a scene as glTF 2.0: JSON to `path` (`NAME.gltf`), numbers to `NAME.bin` beside it.
-/// [`super::load`] gives the same scene again, up to rounding in the directions of lights and cameras.
+/// [`super::load()`] gives the same scene again, up to rounding in the directions of lights and cameras.
 ///
 /// # Errors
 /// [`Error::Io`]; [`Error::Invalid`] if `path` has no file name in UTF-8.

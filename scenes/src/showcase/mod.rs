@@ -68,7 +68,7 @@ pub fn scene() -> Scene {
         },
     ];
     scene.ambient = Vec3::new(0.16, 0.18, 0.21);
-    scene.background = Vec3::new(0.018, 0.019, 0.021);
+    scene.background = Vec3::splat(0.02);
     scene.cameras = vec![flight().sample(0.0)];
     scene
 }

@@ -40,32 +40,48 @@ impl Bounce {
         let keys = occupied(volume);
         let padded = lights.padded();
         let places: Vec<Place> = keys.par_iter().map(|&key| place(volume, key)).collect();
-        let albedo: Vec<Vec3> = places.par_iter().map(|place| mean_albedo(volume, material, place)).collect();
+        let albedo: Vec<Vec3> = places
+            .par_iter()
+            .map(|place| mean_albedo(volume, material, place))
+            .collect();
         // Cosine, or 0 where the light is not visible, per padded light.
         let mut lit = vec![0.0f32; keys.len() * padded];
         let work = lit.par_chunks_mut(BLOCK * padded).zip(places.par_chunks(BLOCK));
-        let shadow_rays = work.map(|(lit, places)| direct_light(volume, lights, places, lit)).sum();
+        let shadow_rays = work
+            .map(|(lit, places)| direct_light(volume, lights, places, lit))
+            .sum();
         let mut light = vec![0; keys.len() * 3 * padded];
-        light.par_chunks_mut(3 * padded).zip(&places).zip(&keys).for_each(|((light, place), &key)| {
-            let mut sum = vec![0.0; 3 * padded];
-            for hit in hemisphere(place.normal, key)
-                .filter_map(|direction| volume.march(place.position + LIFT * place.normal, direction))
-                .filter_map(|p| keys.binary_search(&key_of(volume, p)).ok())
-            {
-                let lit = &lit[hit * padded..][..padded];
-                for (sum, albedo) in sum.chunks_mut(padded).zip(albedo[hit].to_array()) {
-                    for (sum, lit) in sum.iter_mut().zip(lit) {
-                        *sum += albedo * lit;
+        light
+            .par_chunks_mut(3 * padded)
+            .zip(&places)
+            .zip(&keys)
+            .for_each(|((light, place), &key)| {
+                let mut sum = vec![0.0; 3 * padded];
+                for hit in hemisphere(place.normal, key)
+                    .filter_map(|direction| volume.march(place.position + LIFT * place.normal, direction))
+                    .filter_map(|p| keys.binary_search(&key_of(volume, p)).ok())
+                {
+                    let lit = &lit[hit * padded..][..padded];
+                    for (sum, albedo) in sum.chunks_mut(padded).zip(albedo[hit].to_array()) {
+                        for (sum, lit) in sum.iter_mut().zip(lit) {
+                            *sum += albedo * lit;
+                        }
                     }
                 }
-            }
-            for (light, sum) in light.iter_mut().zip(&sum) {
-                *light = (sum * (1.0 / (RAYS as f32 * BOUNCE_UNIT)) + 0.5) as u16;
-            }
-        });
+                for (light, sum) in light.iter_mut().zip(&sum) {
+                    *light = (sum * (1.0 / (RAYS as f32 * BOUNCE_UNIT)) + 0.5) as u16;
+                }
+            });
         let bounce_rays = (keys.len() * RAYS) as u64;
         let normals = places.iter().map(|place| place.normal).collect();
-        Bounce { keys, normals, light, stride: 3 * padded, bounce_rays, shadow_rays }
+        Bounce {
+            keys,
+            normals,
+            light,
+            stride: 3 * padded,
+            bounce_rays,
+            shadow_rays,
+        }
     }
 
     /// The patch whose light a cell at `place` takes; `seed` picks the random move.

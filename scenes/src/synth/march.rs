@@ -36,7 +36,11 @@ impl Volume {
                 let distance = self.distance(p);
                 if distance <= 0.0 {
                     let (step, last) = before;
-                    let back = if last > 0.0 { step * distance / (last - distance) } else { 0.0 };
+                    let back = if last > 0.0 {
+                        step * distance / (last - distance)
+                    } else {
+                        0.0
+                    };
                     return Some(self.wrap(p + back * direction));
                 }
                 let step = distance + SLACK;

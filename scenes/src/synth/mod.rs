@@ -8,7 +8,7 @@
 //!
 //! - [`sampling`]: the view and light directions of well-known measurements.
 //! - [`synthesize()`]: from a material's name to samples, one view at a time.
-//! - `volume`, `march`: the solid as a periodic grid of signed distances, and rays through it.
+//! - `volume`, `distances`, `march`: the solid as a periodic grid of signed distances, and rays through it.
 //! - `surface`, `bounce`: the cells of the surface, their visible lights, and light by way of other cells.
 //! - `reflectance`: the diffuse and glossy reflectance, for all lights at once.
 //! - `materials`: the materials; `noise`, `random`, `strands`: what they are made from.
@@ -18,9 +18,11 @@
 //! The reference plane z = 0 is the mean height of the surface seen from straight above.
 
 mod bounce;
+mod distances;
 mod march;
 mod materials;
 mod noise;
+mod options;
 mod random;
 mod reflectance;
 pub mod sampling;
@@ -30,7 +32,6 @@ mod synthesize;
 mod volume;
 
 pub use materials::{MaterialDescription, materials};
+pub use options::{MAX_BLOCK_BYTES, MAX_SAMPLES_PER_TEXEL, MAX_SIZE, SynthOptions};
 pub use sampling::Sampling;
-pub use synthesize::{
-    MAX_BLOCK_BYTES, MAX_SAMPLES_PER_TEXEL, MAX_SIZE, SynthOptions, SynthReport, synthesize,
-};
+pub use synthesize::{SynthReport, synthesize};

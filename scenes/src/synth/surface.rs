@@ -172,18 +172,24 @@ impl<'a> Surface<'a> {
         let mut lit = std::mem::take(&mut self.lit);
         points.resize(first + keys.len(), Point::default());
         lit.resize(points.len() * bytes, 0);
-        let work = points[first..].par_chunks_mut(BLOCK).zip(lit[first * bytes..].par_chunks_mut(BLOCK * bytes));
-        work.zip(keys.par_chunks(BLOCK)).for_each(|((points, lit), keys)| {
-            let places: Vec<Place> = keys.iter().map(|&key| project(self.volume, self.center(key))).collect();
-            for ((point, place), &key) in points.iter_mut().zip(&places).zip(keys) {
-                *point = attributes(self.volume, self.material, place).prepare();
-                if let Some(bounce) = &self.bounce {
-                    point.patch = bounce.patch_near(self.volume, place, key);
+        let work = points[first..]
+            .par_chunks_mut(BLOCK)
+            .zip(lit[first * bytes..].par_chunks_mut(BLOCK * bytes));
+        work.zip(keys.par_chunks(BLOCK))
+            .for_each(|((points, lit), keys)| {
+                let places: Vec<Place> = keys
+                    .iter()
+                    .map(|&key| project(self.volume, self.center(key)))
+                    .collect();
+                for ((point, place), &key) in points.iter_mut().zip(&places).zip(keys) {
+                    *point = attributes(self.volume, self.material, place).prepare();
+                    if let Some(bounce) = &self.bounce {
+                        point.patch = bounce.patch_near(self.volume, place, key);
+                    }
                 }
-            }
-            let rays = visible(self.volume, self.lights, &places, lit);
-            self.shadow_rays.fetch_add(rays, Ordering::Relaxed);
-        });
+                let rays = visible(self.volume, self.lights, &places, lit);
+                self.shadow_rays.fetch_add(rays, Ordering::Relaxed);
+            });
         (self.points, self.lit) = (points, lit);
     }
 
@@ -222,7 +228,10 @@ pub(super) fn project(volume: &Volume, p: Vec3) -> Place {
         p -= volume.normal(p) * volume.distance(volume.wrap(p));
     }
     let position = volume.wrap(p);
-    Place { position, normal: volume.normal(position) }
+    Place {
+        position,
+        normal: volume.normal(position),
+    }
 }
 
 /// What the material is at a point of the surface.
@@ -253,4 +262,36 @@ pub(super) fn visible(volume: &Volume, lights: &Lights, places: &[Place], lit: &
         }
     }
     rays
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::materials::find;
+    use super::*;
+
+    #[test]
+    fn content_does_not_depend_on_the_order_of_discovery() {
+        let material = find("gravel").unwrap()(5, 1.0 / 128.0);
+        let volume = Volume::build(material.as_solid(), 128);
+        let lights = Lights::new(&[Vec3::Z, Vec3::new(0.6, 0.0, 0.8)]);
+        let surface = || Surface::new(&volume, &*material, &lights, None);
+        let hit = |n: u32| {
+            volume.march(
+                Vec3::new((n % 100) as f32, (n / 100) as f32, volume.top),
+                Vec3::NEG_Z,
+            )
+        };
+        let mut keys: Vec<CellKey> = (0..3000).map(|n| surface().key(hit(n).unwrap())).collect();
+        keys.sort_unstable();
+        keys.dedup();
+        let (mut once, mut twice) = (surface(), surface());
+        once.extend(&keys);
+        let (even, odd): (Vec<_>, Vec<_>) = keys.iter().partition(|key| *key % 2 == 0);
+        assert!(keys.iter().all(|&key| once.knows(key) && !twice.knows(key)));
+        twice.extend(&odd);
+        twice.extend(&even);
+        assert!(keys.iter().all(|&key| once.content(key) == twice.content(key)));
+        assert!(once.cells() <= keys.len() && once.cells() == twice.cells());
+        assert_eq!(once.shadow_rays(), twice.shadow_rays());
+    }
 }

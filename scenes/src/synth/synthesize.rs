@@ -6,6 +6,7 @@
 
 use super::bounce::Bounce;
 use super::materials::{self, Material};
+use super::options::SynthOptions;
 use super::random::{mix, unit};
 use super::reflectance::{Lights, View, shade};
 use super::surface::{CellKey, Surface};
@@ -16,62 +17,20 @@ use half::{f16, slice::HalfFloatSliceExt};
 use rayon::prelude::*;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::time::Instant;
-use tileset::{Direction, MAX_DIRECTIONS};
+use tileset::Direction;
 
-/// Largest side of a synthesized material, in texels.
-pub const MAX_SIZE: u32 = 2048;
-/// Largest block of one view, in bytes; three of them are held at a time.
-pub const MAX_BLOCK_BYTES: u64 = 1 << 30;
-/// Largest number of rays per texel.
-pub const MAX_SAMPLES_PER_TEXEL: u32 = 256;
 /// Voxels per texel, so that a cell of the surface is half a texel wide.
 const VOXELS_PER_TEXEL: u32 = 2;
 /// Voxels along a side of the patch at least, so that a small picture is one of the same material.
 const MIN_VOXELS: u32 = 128;
 /// Voxels along a side of the patch at most.
 const MAX_VOXELS: u32 = 768;
-/// Views must be at least this far above the horizon (cosine).
-const MIN_VIEW_COSINE: f64 = 0.02;
 /// Largest half float.
 const LARGEST: f32 = 65504.0;
 /// Rows that are traced together.
 const BAND: usize = 8;
 /// Texels that are transposed together from lights-of-a-texel to texels-of-a-light.
 const TRANSPOSED_TEXELS: usize = 32;
-
-/// What to synthesize.
-#[derive(Clone, Debug)]
-pub struct SynthOptions {
-    /// Texels per side, 1 to [`MAX_SIZE`].
-    pub size: u32,
-    /// View directions; all above the horizon.
-    pub views: Vec<Direction>,
-    /// Light directions; from those below the horizon nothing arrives.
-    pub lights: Vec<Direction>,
-    /// Which one of all materials of this kind.
-    pub seed: u64,
-    /// Rays through each texel, 1 to [`MAX_SAMPLES_PER_TEXEL`].
-    pub samples_per_texel: u32,
-    /// Adds the light that arrives by way of one other point of the surface.
-    pub interreflection: bool,
-    /// Threads to compute with; none: one per core. The result does not depend on it.
-    pub threads: Option<usize>,
-}
-
-impl Default for SynthOptions {
-    /// 256 texels, 81 views and lights, seed 1, four rays per texel, with interreflection.
-    fn default() -> SynthOptions {
-        SynthOptions {
-            size: 256,
-            views: super::Sampling::Bonn81.directions(),
-            lights: super::Sampling::Bonn81.directions(),
-            seed: 1,
-            samples_per_texel: 4,
-            interreflection: true,
-            threads: None,
-        }
-    }
-}
 
 /// What was done, and how fast.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -126,7 +85,7 @@ pub fn synthesize(
 ) -> Result<SynthReport> {
     let start = Instant::now();
     let make = materials::find(material)?;
-    check(material, options)?;
+    options.check(material)?;
     let failed = |source| Error::Io {
         path: material.into(),
         source,
@@ -155,56 +114,6 @@ pub fn synthesize(
     written.map_err(failed)?;
     report.seconds = start.elapsed().as_secs_f64();
     Ok(report)
-}
-
-fn check(material: &str, options: &SynthOptions) -> Result<()> {
-    let invalid = |detail: String| {
-        Err(Error::Invalid {
-            path: material.into(),
-            detail,
-        })
-    };
-    let within = |value: u64, limit: u64| (1..=limit).contains(&value);
-    if !within(options.size.into(), MAX_SIZE.into()) {
-        return invalid(format!("size {} texels; choose 1 to {MAX_SIZE}", options.size));
-    }
-    if !within(options.samples_per_texel.into(), MAX_SAMPLES_PER_TEXEL.into()) {
-        let found = options.samples_per_texel;
-        return invalid(format!(
-            "{found} samples per texel; choose 1 to {MAX_SAMPLES_PER_TEXEL}"
-        ));
-    }
-    for (what, directions) in [("view", &options.views), ("light", &options.lights)] {
-        if !within(directions.len() as u64, MAX_DIRECTIONS.into()) {
-            return invalid(format!(
-                "{} {what} directions; give 1 to {MAX_DIRECTIONS}",
-                directions.len()
-            ));
-        }
-        if let Some(n) = directions
-            .iter()
-            .position(|d| !(d.theta.is_finite() && d.phi.is_finite()))
-        {
-            return invalid(format!("{what} direction {n} is not finite: {:?}", directions[n]));
-        }
-    }
-    if let Some(n) = options
-        .views
-        .iter()
-        .position(|d| d.to_vector()[2] < MIN_VIEW_COSINE)
-    {
-        return invalid(format!(
-            "view direction {n} ({:?}) is not above the horizon; theta must be below 88.8 degrees",
-            options.views[n]
-        ));
-    }
-    let bytes = options.lights.len() as u64 * 6 * u64::from(options.size).pow(2);
-    if bytes > MAX_BLOCK_BYTES {
-        return invalid(format!(
-            "one view takes {bytes} bytes, more than {MAX_BLOCK_BYTES}; choose a smaller size or fewer lights"
-        ));
-    }
-    Ok(())
 }
 
 fn unit_vector(direction: &Direction) -> Vec3 {

@@ -92,3 +92,62 @@ pub(super) fn bump(p: Vec3, normal: Vec3, step: f32, height: impl Fn(Vec3) -> f3
     let slope = |axis: Vec3| (height(p + step * axis) - here) / step;
     (normal - slope(x) * x - slope(y) * y).normalize()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::synth::volume::Volume;
+    use glam::vec3;
+
+    /// Share of the columns in which there is solid above air.
+    fn overhanging(name: &str) -> f32 {
+        let volume = Volume::build(find(name).unwrap()(1, 1.0 / 128.0).as_solid(), 128);
+        let solid =
+            |i: usize, k: usize| volume.nearest(vec3((i % 128) as f32, (i / 128) as f32, k as f32)) < 0.0;
+        let overhangs = |i: &usize| (1..volume.depth).any(|k| solid(*i, k) && !solid(*i, k - 1));
+        (0..128 * 128).filter(overhangs).count() as f32 / (128.0 * 128.0)
+    }
+
+    #[test]
+    fn leather_is_a_height_field_and_the_others_overhang() {
+        assert_eq!(overhanging("leather"), 0.0);
+        for (name, least) in [
+            ("studs", 0.15),
+            ("sponge", 0.1),
+            ("gravel", 0.1),
+            ("wool", 0.2),
+            ("cloth", 0.05),
+        ] {
+            assert!(overhanging(name) > least, "{name}: {}", overhanging(name));
+        }
+    }
+
+    #[test]
+    fn attributes_are_sane_everywhere() {
+        for material in materials() {
+            let made = find(material.name).unwrap()(3, 1.0 / 128.0);
+            let volume = Volume::build(made.as_solid(), 128);
+            for n in 0..2000 {
+                let start = vec3((n * 37 % 128) as f32, (n * 53 % 1280) as f32 * 0.1, volume.top);
+                let p = volume.march(start, Vec3::NEG_Z).unwrap();
+                let normal = volume.normal(p);
+                let found = made.attributes(volume.material_from_grid(p), normal, volume.part(p));
+                let name = material.name;
+                assert!((found.normal.length() - 1.0).abs() < 1e-3, "{name}: {found:?}");
+                assert!(
+                    found.diffuse.min_element() >= 0.0 && found.diffuse.max_element() < 1.0,
+                    "{name}: {found:?}"
+                );
+                assert!(
+                    found.specular.min_element() >= 0.0 && found.specular.max_element() < 1.0,
+                    "{name}: {found:?}"
+                );
+                assert!(
+                    found.roughness.iter().all(|a| (0.02..=1.2).contains(a)),
+                    "{name}: {found:?}"
+                );
+                assert!(found.tangent.is_finite(), "{name}: {found:?}");
+            }
+        }
+    }
+}

@@ -13,7 +13,7 @@ const HOLES: [(usize, f32, f32); 4] = [
     (90, 0.028, 0.052),
     (700, 0.013, 0.027),
     (3500, 0.006, 0.012),
-    (7000, 0.0032, 0.0055),
+    (3500, 0.0035, 0.0055),
 ];
 /// Depth of the deepest hole's centre.
 const DEPTH: f32 = 0.11;
@@ -104,7 +104,7 @@ impl Material for Sponge {
         let tone = self.color.fractal(p, [4, 4], 4);
         let mottle = self.color.derive(1).fractal(p, [40, 40], 3);
         let deep = smoothstep(0.005, -0.06, p.z);
-        let color = vec3(0.80, 0.55, 0.20).lerp(vec3(0.70, 0.42, 0.13), (0.4 + 0.7 * tone).clamp(0.0, 1.0));
+        let color = vec3(0.70, 0.47, 0.165).lerp(vec3(0.60, 0.35, 0.10), (0.4 + 0.7 * tone).clamp(0.0, 1.0));
         let color = color.lerp(vec3(0.40, 0.17, 0.035), 0.8 * deep);
         let relief = |q: Vec3| 0.0022 * self.surface.derive(9).fractal(q, [120, 120], 2);
         Attributes {

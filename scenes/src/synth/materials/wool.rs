@@ -128,7 +128,7 @@ impl Material for Wool {
             return Attributes {
                 normal,
                 tangent: Vec3::X,
-                diffuse: vec3(0.03, 0.025, 0.02),
+                diffuse: vec3(0.008, 0.022, 0.024),
                 specular: Vec3::splat(0.02),
                 roughness: [0.9; 2],
             };
