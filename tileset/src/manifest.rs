@@ -101,7 +101,7 @@ pub struct Manifest {
     /// How the pages are coded.
     pub codec: Codec,
     /// Power of two by which decoded eigen-textures are multiplied; not 1 only where half floats would
-    /// overflow.
+    /// overflow, or lose precision because all values are tiny.
     pub texture_scale: f64,
     /// Mean reflectance over all texels and directions, linear RGB: what a pixel shows before any page is
     /// there.

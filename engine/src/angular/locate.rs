@@ -76,7 +76,7 @@ impl Triangulation {
             Some((triangle, weights)) => Taps {
                 indices: self.triangles[triangle as usize].vertices,
                 weights: weights.map(|weight| weight.max(0.0)),
-                cosine: cosine_from_parabolic(point),
+                cosine: cosine_from_parabolic(point).max(0.0),
                 outside: false,
             }
             .normalized(),
@@ -146,7 +146,8 @@ impl Triangulation {
         Taps {
             indices: [from, to, to],
             weights: [1.0 - along, along, 0.0],
-            cosine: cosine_from_parabolic(foot),
+            // On the horizon rounding can leave it a little below zero.
+            cosine: cosine_from_parabolic(foot).max(0.0),
             outside: distance > 0.0,
         }
     }
