@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use ::preprocess::{Options, Report};
-use anyhow::Result;
+use anyhow::{Result, ensure};
 use clap::Args;
 
 use crate::{bytes, file, progress};
@@ -38,7 +38,7 @@ const EXAMPLES: &str = "\
 Examples:
   eigentile preprocess leather.npy -o tiles/leather.bsvtf
   eigentile preprocess leather.npy -o small.bsvtf --components 32 --quality 0.05
-  eigentile preprocess huge.npy -o huge.bsvtf --memory 2GiB --report huge.json";
+  eigentile preprocess huge.npy -o huge.bsvtf --memory 2GiB --report huge-report.json";
 
 /// How to make an archive; `None` stands for the defaults of the library.
 #[derive(Clone, Copy)]
@@ -60,6 +60,14 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         quality,
         memory,
     };
+    if let Some(path) = &arguments.report {
+        ensure!(
+            *path != arguments.input.with_extension("json"),
+            "--report {} would overwrite the directions of the BTF: choose another name",
+            path.display()
+        );
+        file::make_folder_of(path)?;
+    }
     let report = build(&arguments.input, &arguments.output, &job, "", arguments.json)?;
     if let Some(path) = &arguments.report {
         file::write_json(path, &report)?;

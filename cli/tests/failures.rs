@@ -33,6 +33,10 @@ fn failures_are_one_clear_line() {
         (&["synth", "leather", "-o", "a.png"], &["a.png", ".npy"]),
         (&["preprocess", "absent.npy", "-o", "a.bsvtf"], &["absent.npy"]),
         (&["preprocess", "text.npy", "-o", "a.bsvtf"], &["text.npy"]),
+        (
+            &["preprocess", "text.npy", "-o", "a.bsvtf", "--report", "text.json"],
+            &["text.json", "directions"],
+        ),
         (&["inspect", "absent.bsvtf"], &["absent.bsvtf"]),
         (&["inspect", "text.bsvtf"], &["text.bsvtf", "header"]),
         (&["inspect", "empty.bsvtf", "--json"], &["empty.bsvtf"]),
