@@ -29,10 +29,10 @@ pub(crate) struct Arguments {
     #[arg(short, long, default_value = "eigentile-demo", value_name = "DIR")]
     output: PathBuf,
     /// Texels along each side of the materials.
-    #[arg(long, default_value_t = 128)]
+    #[arg(long, default_value_t = 192)]
     material_size: u32,
     /// Terms of the factorization.
-    #[arg(long, default_value_t = 64)]
+    #[arg(long, default_value_t = 100)]
     components: u32,
     /// Width and height of the pictures, pixels.
     #[arg(long, default_value = "960x540", value_parser = render::parse_size)]
@@ -49,7 +49,7 @@ const EXAMPLES: &str = "\
 Examples:
   eigentile demo
   eigentile demo -o /tmp/demo --size 1280x720
-  eigentile demo --material-size 256 --components 100 --json
+  eigentile demo --material-size 256 --json
 
 Look at index.html in the folder. What is complete there is used again; remove the folder to start anew.";
 

@@ -32,7 +32,7 @@ pub(crate) fn html(report: &Report) -> String {
     format!(
         "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\">\
          <meta name=\"viewport\" content=\"width=device-width\"><title>Eigentile demo</title><style>{STYLE}</style>\
-         <h1>Four measured materials, streamed</h1>\
+         <h1>Four materials, streamed</h1>\
          <p>{} of samples in {} of archives, on {}.</p>{}\
          <h2>While bytes arrive</h2><div class=\"row\">{}</div>\
          <h2>Three caches, settled, and the reference</h2><div class=\"row\">{}{}{}</div>\
