@@ -7,7 +7,7 @@
 //! - [`residency`] is pure: votes in, operations out; no clock, no I/O, no wgpu.
 //! - [`stream`] is one trait, its implementations and its decorators.
 //! - [`gpu`] is the only module that names wgpu.
-//! - [`angular`] interpolates between sampled directions; [`reference`] shades in f64 on the CPU;
+//! - [`angular`] interpolates between sampled directions; [`mod@reference`] shades in f64 on the CPU;
 //!   [`metrics`] compares pictures.
 
 pub mod angular;

@@ -1,10 +1,10 @@
 //! An archive as plain numpy files, for anything that does not read archives.
 //!
-//! - `u.npy` [components][views][lights][3] f32: eigen-ABRDFs;
-//! - `v.npy` [components][height][width] f32: eigen-textures, decoded at the finest mip;
+//! - `u.npy` `[components][views][lights][3]` f32: eigen-ABRDFs;
+//! - `v.npy` `[components][height][width]` f32: eigen-textures, decoded at the finest mip;
 //! - `meta.json`: directions, scaling, wrap, cosine, errors.
 //!
-//! They multiply to the BTF: ρ[view][light][rgb][y][x] ≈ Σ_c u[c][view][light][rgb]·v[c][y][x].
+//! They multiply to the BTF: `ρ[view][light][rgb][y][x] ≈ Σ_c u[c][view][light][rgb]·v[c][y][x]`.
 
 use std::collections::HashMap;
 use std::fs::File;

@@ -22,7 +22,7 @@ fn settings(components: u32) -> Settings {
     }
 }
 
-/// Largest deviation of the scaled Gram matrix of `factor` [component][index] from the identity.
+/// Largest deviation of the scaled Gram matrix of `factor` `[component][index]` from the identity.
 fn defect(factor: &[f32], length: usize, components: usize) -> f64 {
     let mut worst = 0f64;
     for i in 0..components {

@@ -29,7 +29,7 @@ pub(crate) struct Arguments {
     #[arg(short, long, default_value = "eigentile-demo", value_name = "DIR")]
     output: PathBuf,
     /// Texels along each side of the materials.
-    #[arg(long, default_value_t = 192)]
+    #[arg(long, default_value_t = 128)]
     material_size: u32,
     /// Terms of the factorization.
     #[arg(long, default_value_t = 100)]

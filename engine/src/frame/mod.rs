@@ -1,8 +1,8 @@
 //! One frame, from feedback to picture.
 //!
-//! [`Engine::frame`] ([`engine`]) reads from top to bottom; what it calls lies beside it: [`archives`] (indices of the
-//! scene's BTFs), [`votes`] (votes of several frames), [`records`] (requests, answers, decoding), [`problems`] (what
-//! went wrong). [`outputs`]: pictures and counters.
+//! [`Engine::frame`] (`engine`) reads from top to bottom; what it calls lies beside it: `archives` (indices of the
+//! scene's BTFs), `votes` (votes of several frames), `records` (requests, answers, decoding), `problems` (what
+//! went wrong). `outputs`: pictures and counters.
 
 mod archives;
 mod engine;

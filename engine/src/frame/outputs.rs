@@ -25,15 +25,15 @@ impl Engine {
     /// The last picture: linear radiance, before exposure. Waits for the GPU.
     ///
     /// # Errors
-    /// [`Error::Adapter`] if the device fails.
+    /// [`crate::Error::Adapter`] if the device fails.
     pub fn picture(&self) -> Result<Picture> {
         self.renderer.picture()
     }
 
-    /// The last picture in 8-bit sRGB with alpha, [y][x][rgba]. Waits for the GPU.
+    /// The last picture in 8-bit sRGB with alpha, `[y][x][rgba]`. Waits for the GPU.
     ///
     /// # Errors
-    /// [`Error::Adapter`] if the device fails.
+    /// [`crate::Error::Adapter`] if the device fails.
     pub fn tonemapped(&self) -> Result<Vec<u8>> {
         self.renderer.tonemapped()
     }
@@ -42,7 +42,7 @@ impl Engine {
     /// zeros where nothing is. Waits for the GPU.
     ///
     /// # Errors
-    /// [`Error::Adapter`] if the device fails.
+    /// [`crate::Error::Adapter`] if the device fails.
     pub fn visibility(&self) -> Result<Vec<[u32; 2]>> {
         self.renderer.visibility()
     }
@@ -50,7 +50,7 @@ impl Engine {
     /// Changes the size of the picture.
     ///
     /// # Errors
-    /// [`Error::Budget`] for no pixels, or more than the adapter has.
+    /// [`crate::Error::Budget`] for no pixels, or more than the adapter has.
     pub fn resize(&mut self, size: (u32, u32)) -> Result<()> {
         self.renderer.resize(size)?;
         self.options.size = size;

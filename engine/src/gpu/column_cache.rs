@@ -135,7 +135,7 @@ impl ColumnCache {
     }
 }
 
-/// A column as the cache holds it: [view][light, then ambient][rgb]; the ambient entry is the sum of the lights'
+/// A column as the cache holds it: `[view][light, then ambient][rgb]`; the ambient entry is the sum of the lights'
 /// entries, weighted.
 pub fn with_ambient(column: &Column, ambient_weights: &[f64]) -> Vec<[f16; 4]> {
     let view_texels = (ambient_weights.len() * 3).max(1);

@@ -34,7 +34,7 @@ pub struct Comparison {
     pub delta_e_2000: f64,
 }
 
-/// Compares a picture with its reference, where `covered` says so ([y][x]; all pixels if it is `None`).
+/// Compares a picture with its reference, where `covered` says so (`[y][x]`; all pixels if it is `None`).
 ///
 /// `None` if the pictures (or `covered`) differ in size, do not hold what their size says, or nothing is
 /// covered.

@@ -14,7 +14,7 @@ pub mod tone;
 
 pub use compare::{Comparison, compare};
 
-/// Linear RGB, [y][x].
+/// Linear RGB, `[y][x]`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Picture {
     /// Pixels.

@@ -24,9 +24,9 @@ pub struct FactorReflectance {
     texture_scale: f64,
     /// Widths of the mips.
     widths: Vec<u32>,
-    /// Of each mip [y][x][component], as decoded.
+    /// Of each mip `[y][x][component]`, as decoded.
     textures: Vec<Vec<f16>>,
-    /// [view][light][rgb][component]; after the last light the pre-integrated ambient light.
+    /// `[view][light][rgb][component]`; after the last light the pre-integrated ambient light.
     abrdfs: Vec<f32>,
 }
 
@@ -216,7 +216,7 @@ fn read_payload(
     }
 }
 
-/// All columns as [view][light][rgb][component], with the ambient light after the last light.
+/// All columns as `[view][light][rgb][component]`, with the ambient light after the last light.
 fn decode_abrdfs<R: ReadAt>(archive: &Archive<R>, components: usize) -> Result<Vec<f32>> {
     let manifest = &archive.index.manifest;
     let (views, lights) = (manifest.views.len(), manifest.lights.len());

@@ -18,9 +18,9 @@ pub(super) struct Material {
     /// Of each mip the index of its first tile, and its columns and rows of tiles.
     grids: Vec<(u32, u32, u32)>,
     parents: Vec<u32>,
-    /// w, [group][tile]; finite and not negative.
+    /// w, `[group][tile]`; finite and not negative.
     weights: Vec<f32>,
-    /// Slots of the pages, [group][tile].
+    /// Slots of the pages, `[group][tile]`.
     page_slots: Vec<u32>,
     /// Last update at which each tile had votes.
     last_wanted: Vec<u64>,

@@ -16,7 +16,7 @@
 //! | [`ThrottledSource`] | lets only so many bytes through, in simulated time |
 //! | [`FaultySource`] | fails, delays, repeats, reorders and loses answers, by seed |
 //!
-//! [`open`] makes a source of what a user typed. One conformance suite runs over all of them. Bytes are handed
+//! [`fn@open`] makes a source of what a user typed. One conformance suite runs over all of them. Bytes are handed
 //! on as they came: whoever decodes them checks them first, with [`tileset::archive::Index::verify`].
 
 #[cfg(test)]

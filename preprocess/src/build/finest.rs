@@ -3,7 +3,7 @@
 use half::f16;
 use tileset::{Page, Pyramid, SLOT_TEXELS, Tile};
 
-/// One group's eigen-textures at mip 0 as a decoder sees them, [y][x][component of the group], scaled as stored.
+/// One group's eigen-textures at mip 0 as a decoder sees them, `[y][x][component of the group]`, scaled as stored.
 pub(crate) struct Finest {
     pub(crate) texels: Vec<[f16; 4]>,
 }

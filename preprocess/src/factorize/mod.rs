@@ -2,7 +2,7 @@
 //!
 //! The BTF is the m×n matrix B with a row for every (view, light, rgb) and a column for every texel: the full
 //! matrix factorization (FMF) of Schwartz, Ruiters, Klein 2013, section 3, equation 2. B is read in passes of
-//! bulk products over blocks of rows ([`subspace`]); what the result leaves out is computed, not estimated.
+//! bulk products over blocks of rows (`subspace`); what the result leaves out is computed, not estimated.
 //!
 //! Factors are scaled so that errors can be read off: U' = √m·U has unit root mean square per component, and
 //! with V' = V·Σ/√m a squared difference in V' at a texel is the mean squared error of reflectance there.
@@ -86,7 +86,7 @@ impl Statistics {
     }
 }
 
-/// A BTF as a sum of products: ρ[row][texel] ≈ Σ_c u[c][row]·v[c][texel].
+/// A BTF as a sum of products: `ρ[row][texel] ≈ Σ_c u[c][row]·v[c][texel]`.
 #[derive(Clone, Debug, Default)]
 pub struct Factors {
     /// Rows of the matrix: views × lights × 3.
@@ -95,9 +95,9 @@ pub struct Factors {
     pub columns: usize,
     /// Terms, at least one.
     pub components: usize,
-    /// U', [component][view][light][rgb]; unit root mean square per component.
+    /// U', `[component][view][light][rgb]`; unit root mean square per component.
     pub u: Vec<f32>,
-    /// V', [component][y][x], in the unit of the BTF's samples.
+    /// V', `[component][y][x]`, in the unit of the BTF's samples.
     pub v: Vec<f32>,
     /// Singular values of B, falling.
     pub singular_values: Vec<f64>,

@@ -20,9 +20,9 @@ const PANEL_ROWS: usize = 1024;
 pub(super) struct Ritz {
     /// Singular values, falling; at least one.
     pub(super) singular_values: Vec<f64>,
-    /// Left singular vectors times √rows, [component][row].
+    /// Left singular vectors times √rows, `[component][row]`.
     pub(super) u: Vec<f32>,
-    /// Right singular vectors times singular value / √rows, [component][column].
+    /// Right singular vectors times singular value / √rows, `[component][column]`.
     pub(super) v: Vec<f32>,
 }
 

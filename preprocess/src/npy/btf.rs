@@ -101,7 +101,7 @@ impl Samples<'_> {
     }
 }
 
-/// A BTF: samples [view][light][rgb][y][x], linear; radiance factors with the cosine left out or in, as
+/// A BTF: samples `[view][light][rgb][y][x]`, linear; radiance factors with the cosine left out or in, as
 /// [`Sampling::cosine`] says.
 ///
 /// As a matrix it has one row for every (view, light, rgb) and one column for every texel.
@@ -233,7 +233,7 @@ impl Btf {
         (self.map.len() - self.data_offset) as u64
     }
 
-    /// One picture [y][x]: the samples of one channel (0 red, 1 green, 2 blue) under one view and light.
+    /// One picture `[y][x]`: the samples of one channel (0 red, 1 green, 2 blue) under one view and light.
     ///
     /// # Panics
     /// If an index is out of range.

@@ -118,7 +118,7 @@ pub fn write_npy_f32(path: &Path, shape: &[usize], samples: &[f32]) -> Result<()
     writer.finish()
 }
 
-/// Streams a BTF to `NAME.npy` and `NAME.json`: samples in the order [view][light][rgb][y][x], in pieces of any
+/// Streams a BTF to `NAME.npy` and `NAME.json`: samples in the order `[view][light][rgb][y][x]`, in pieces of any
 /// length.
 pub struct BtfWriter {
     npy: NpyWriter,

@@ -132,7 +132,7 @@ pub(crate) fn singular_values(samples: &[f64], rows: usize, columns: usize) -> V
     values
 }
 
-/// ‖samples − Σ_c u_c·v_c‖ / ‖samples‖ in f64; `u` [component][row], `v` [component][column].
+/// ‖samples − Σ_c u_c·v_c‖ / ‖samples‖ in f64; `u` `[component][row]`, `v` `[component][column]`.
 pub(crate) fn product_error(samples: &[f64], rows: usize, columns: usize, u: &[f32], v: &[f32]) -> f64 {
     let components = u.len() / rows;
     let (mut energy, mut difference) = (0.0, 0.0);

@@ -10,7 +10,7 @@ pub(crate) const BLOCK: usize = 8;
 /// Coefficients in a block.
 pub(crate) const BLOCK_AREA: usize = BLOCK * BLOCK;
 
-/// One block, `[y][x]` or [v][u].
+/// One block, `[y][x]` or `[v][u]`.
 pub(crate) type Block = [Texel; BLOCK_AREA];
 
 // COS_K = cos(K·π/16) / 2, the factors of the orthonormal transform of length 8.
