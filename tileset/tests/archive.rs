@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{archive, column, encode_group, image, manifest, mips};
+use common::{archive, column, encode_group, image, manifest, mips, read_all};
 use tileset::{
     Archive, ArchiveWriter, Error, Index, Manifest, PageId, Pyramid, ReadAt, Tile,
     archive::HEADER_BYTES,
@@ -31,18 +31,6 @@ fn with_manifest(bytes: &[u8], text: &str) -> Vec<u8> {
     changed[24..32].copy_from_slice(&(text.len() as u64).to_le_bytes());
     changed[40..48].copy_from_slice(&xxh3_64(text.as_bytes()).to_le_bytes());
     with_header_hash(changed)
-}
-
-/// Reads everything there is.
-fn read_all(bytes: &[u8]) -> Result<(), Error> {
-    let archive = Archive::open(bytes)?;
-    for group in 0..archive.index.manifest.groups() as u16 {
-        archive.read_column(group)?;
-        for tile in archive.index.pyramid.tiles() {
-            archive.read_page(PageId { group, tile })?;
-        }
-    }
-    Ok(())
 }
 
 #[test]

@@ -3,6 +3,9 @@
 //!
 //! A change of the format is a new version, a new fixture beside this one, and docs/format.md.
 
+mod common;
+
+use common::read_all;
 use half::f16;
 use tileset::{
     Archive, Column, Error, Page, PageId,
@@ -97,16 +100,4 @@ fn every_cut_and_every_flipped_byte_is_found() {
         damaged[i] = V1[i];
     }
     read_all(&damaged).unwrap();
-}
-
-/// Reads all records.
-fn read_all(bytes: &[u8]) -> Result<(), Error> {
-    let archive = Archive::open(bytes)?;
-    for group in 0..archive.index.manifest.groups() as u16 {
-        archive.read_column(group)?;
-        for tile in archive.index.pyramid.tiles() {
-            archive.read_page(PageId { group, tile })?;
-        }
-    }
-    Ok(())
 }

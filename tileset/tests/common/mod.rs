@@ -126,3 +126,15 @@ pub(crate) fn archive(manifest: &Manifest) -> Vec<u8> {
     assert_eq!(writer.write(&mut bytes).unwrap(), bytes.len() as u64);
     bytes
 }
+
+/// Reads all records.
+pub(crate) fn read_all(bytes: &[u8]) -> Result<(), tileset::Error> {
+    let archive = tileset::Archive::open(bytes)?;
+    for group in 0..archive.index.manifest.groups() as u16 {
+        archive.read_column(group)?;
+        for tile in archive.index.pyramid.tiles() {
+            archive.read_page(tileset::PageId { group, tile })?;
+        }
+    }
+    Ok(())
+}
