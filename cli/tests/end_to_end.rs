@@ -5,7 +5,7 @@ mod program;
 use std::fs;
 use std::path::Path;
 
-use preprocess::Btf;
+use preprocess::npy::NpyBtf;
 use program::{Server, succeed_json};
 use serde_json::Value;
 
@@ -44,7 +44,7 @@ fn read_npy(path: &Path) -> (Vec<usize>, Vec<f32>) {
 }
 
 /// ‖B − u·v‖ / ‖B‖ over every `step`-th row of the matrix.
-fn relative_error(folder: &Path, btf: &Btf, step: usize) -> f64 {
+fn relative_error(folder: &Path, btf: &NpyBtf, step: usize) -> f64 {
     let (u_shape, u) = read_npy(&folder.join("u.npy"));
     let (v_shape, v) = read_npy(&folder.join("v.npy"));
     let (rows, columns) = (btf.rows(), btf.columns());
@@ -137,7 +137,7 @@ fn from_nothing_to_a_picture() {
 
     // The exported factors multiply to the BTF with the stated error.
     succeed_json(at, &["export", "tiles/leather.bsvtf", "-o", "factors", "--json"]);
-    let btf = Btf::open(&at.join("npy/leather.npy")).unwrap();
+    let btf = NpyBtf::open(&at.join("npy/leather.npy")).unwrap();
     let measured = relative_error(&at.join("factors"), &btf, 7);
     assert!(
         (measured / stated - 1.0).abs() < 0.05,

@@ -26,13 +26,15 @@ pub enum Error {
     },
     /// A sample that no reflectance can have.
     #[error(
-        "{path}: the sample of view {view}, light {light}, channel {channel}, texel x {x} y {y} is {value}; \
+        "{path} ({place}): the sample of view {view}, light {light}, channel {channel}, texel x {x} y {y} is {value}; \
          samples must be finite and at most {limit:e} in size: repair it at its source",
         path = .path.display(), limit = crate::npy::MAX_SAMPLE
     )]
     BadSample {
         /// The file.
         path: PathBuf,
+        /// Where in it the image stands.
+        place: String,
         /// Index of the view.
         view: usize,
         /// Index of the light.

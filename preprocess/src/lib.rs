@@ -1,5 +1,6 @@
 //! From a BTF to an archive, and back to numpy files.
 //!
+//! - [`source`]: BTFs in any format.
 //! - [`npy`]: BTFs in the exchange format, read through a memory map and written as a stream.
 //! - [`factorize`](mod@factorize): truncated SVD of a BTF that is far larger than memory.
 //! - [`build`](mod@build): pyramids, pages, columns, and the ledger of errors.
@@ -21,11 +22,12 @@ mod output;
 mod progress;
 mod report;
 mod run;
+pub mod source;
 
 pub use error::{Error, Result};
 pub use export::export;
 pub use factorize::{Factors, Settings};
-pub use npy::Btf;
 pub use progress::{Phase, Progress, ProgressFn};
 pub use report::{Report, Seconds, StageError};
 pub use run::{Options, run};
+pub use source::Btf;

@@ -230,7 +230,7 @@ fn memory_changes_blocks_but_not_the_result() {
         "the same seed gives the same bits"
     );
     let passes = u64::from(large.statistics.passes);
-    assert_eq!(large.statistics.bytes_read, passes * btf.sample_bytes());
+    assert_eq!(large.statistics.bytes_read, passes * btf.stored_bytes());
 }
 
 #[test]

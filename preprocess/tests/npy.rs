@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use common::{Shape, material, sampling, stored, write_btf};
 use half::f16;
 use preprocess::npy::{BtfWriter, Dtype, NpyWriter, Samples, write_npy_f32};
-use preprocess::{Btf, Error};
+use preprocess::{Error, npy::NpyBtf};
 
 const SHAPE: Shape = Shape {
     views: 3,
@@ -21,7 +21,7 @@ fn what_is_written_is_read() {
     for dtype in [Dtype::F16, Dtype::F32] {
         let samples = material(SHAPE, 3, 0.1, 1);
         let folder = tempfile::tempdir().unwrap();
-        let btf = Btf::open(&write_btf(folder.path(), SHAPE, dtype, &samples)).unwrap();
+        let btf = NpyBtf::open(&write_btf(folder.path(), SHAPE, dtype, &samples)).unwrap();
         assert_eq!(
             (btf.name(), btf.width(), btf.height(), btf.dtype()),
             ("material", 5, 4, dtype)
@@ -68,7 +68,7 @@ fn writers_convert_between_types_and_count_samples() {
         writer.write_f16(piece).unwrap();
     }
     writer.finish().unwrap();
-    let btf = Btf::open(&path).unwrap();
+    let btf = NpyBtf::open(&path).unwrap();
     assert_eq!(
         btf.texel(2, 1, 3, 2)[1],
         halves[((2 * 2 + 1) * 3 + 1) * 20 + 2 * 5 + 3].to_f64()
@@ -90,7 +90,7 @@ fn writers_convert_between_types_and_count_samples() {
             .to_string()
             .contains("1 samples were not written")
     );
-    assert!(Btf::open(&path).is_ok(), "a failed write leaves what was there");
+    assert!(NpyBtf::open(&path).is_ok(), "a failed write leaves what was there");
     assert!(write_npy_f32(&path, &[2, 2], &[1.0; 5]).is_err());
     assert!(write_npy_f32(&path, &[usize::MAX, 9], &[]).is_err());
     assert_eq!(
@@ -143,7 +143,7 @@ fn lying_files_are_refused_with_a_reason() {
     let folder = tempfile::tempdir().unwrap();
     let good = "(2, 1, 3, 4, 5)";
     let whole = 2 * 3 * 4 * 5 * 2;
-    let btf = Btf::open(&forge(folder.path(), "<f2", "False", good, whole)).unwrap();
+    let btf = NpyBtf::open(&forge(folder.path(), "<f2", "False", good, whole)).unwrap();
     assert!(!btf.wrap() && btf.cosine());
     for (descr, fortran, shape, bytes, reason) in [
         (">f2", "False", good, whole, "\"<f2\" or \"<f4\""),
@@ -173,7 +173,7 @@ fn lying_files_are_refused_with_a_reason() {
             "names 2 views and 1 lights",
         ),
     ] {
-        let error = Btf::open(&forge(folder.path(), descr, fortran, shape, bytes))
+        let error = NpyBtf::open(&forge(folder.path(), descr, fortran, shape, bytes))
             .unwrap_err()
             .to_string();
         assert!(
@@ -213,31 +213,31 @@ fn wrong_directions_are_refused_with_a_reason() {
         ),
     ] {
         std::fs::write(&json, text).unwrap();
-        let error = Btf::open(&path).unwrap_err().to_string();
+        let error = NpyBtf::open(&path).unwrap_err().to_string();
         assert!(
             error.contains(reason) && error.contains("forged.json"),
             "{text}: {error}"
         );
     }
     std::fs::remove_file(&json).unwrap();
-    assert!(matches!(Btf::open(&path), Err(Error::Io { .. })));
+    assert!(matches!(NpyBtf::open(&path), Err(Error::Io { .. })));
 }
 
 #[test]
 fn what_is_no_npy_file_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     assert!(matches!(
-        Btf::open(&folder.path().join("none.npy")),
+        NpyBtf::open(&folder.path().join("none.npy")),
         Err(Error::Io { .. })
     ));
     assert!(matches!(
-        Btf::open(folder.path()),
+        NpyBtf::open(folder.path()),
         Err(Error::Format { .. } | Error::Io { .. })
     ));
     let path = folder.path().join("x.npy");
     for bytes in [&b""[..], b"x", b"\x93NUMPY", b"\x93NUMPY\x01\x00\xff\xff"] {
         std::fs::write(&path, bytes).unwrap();
-        assert!(matches!(Btf::open(&path), Err(Error::Format { .. })));
+        assert!(matches!(NpyBtf::open(&path), Err(Error::Format { .. })));
     }
     // Samples of f32 that begin at an odd byte.
     let dictionary = "{'descr': '<f4', 'fortran_order': False, 'shape': (2, 1, 3, 1, 1), }\n";
@@ -249,7 +249,7 @@ fn what_is_no_npy_file_is_refused() {
     let path = folder.path().join("forged.npy");
     std::fs::write(&path, bytes).unwrap();
     assert!(
-        Btf::open(&path)
+        NpyBtf::open(&path)
             .unwrap_err()
             .to_string()
             .contains("multiple of 4")

@@ -4,7 +4,7 @@ use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use ::preprocess::Btf;
+use ::preprocess::npy::NpyBtf;
 use anyhow::Result;
 use scenes::synth::SynthOptions;
 use serde::Serialize;
@@ -53,9 +53,9 @@ pub(crate) fn make(folder: &Path, name: &str, recipe: &Recipe, quiet: bool) -> R
         total_relative: 0.0,
         total_rms: 0.0,
     };
-    let usable = |btf: &Btf| (btf.width(), btf.height()) == (recipe.size, recipe.size);
+    let usable = |btf: &NpyBtf| (btf.width(), btf.height()) == (recipe.size, recipe.size);
     let mut fresh = false;
-    if !Btf::open(&npy).is_ok_and(|btf| usable(&btf)) {
+    if !NpyBtf::open(&npy).is_ok_and(|btf| usable(&btf)) {
         let options = SynthOptions {
             size: recipe.size,
             ..SynthOptions::default()
@@ -68,7 +68,7 @@ pub(crate) fn make(folder: &Path, name: &str, recipe: &Recipe, quiet: bool) -> R
         preprocess::build(&npy, &archive, &recipe.job, &format!("{name}: "), quiet)?;
         made.preprocess_seconds = start.elapsed().as_secs_f64();
     }
-    made.btf_bytes = Btf::open(&npy)?.sample_bytes();
+    made.btf_bytes = NpyBtf::open(&npy)?.sample_bytes();
     let contents = inspect::read(&archive)?;
     made.archive_bytes = contents.file_bytes;
     (made.total_relative, made.total_rms) = (contents.errors.total_relative, contents.errors.total_rms);

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use ::preprocess::Btf;
+use ::preprocess::npy::NpyBtf;
 use anyhow::{Context, Result};
 use engine::frame::Engine;
 use engine::metrics::{Comparison, Picture, compare as compare_pictures};
@@ -19,7 +19,7 @@ use crate::progress;
 const CACHE_BYTES: u64 = 1 << 30;
 
 /// An uncompressed BTF in the memory map of its file.
-struct Mapped(Btf);
+struct Mapped(NpyBtf);
 
 impl Samples for Mapped {
     fn size(&self) -> (u32, u32) {
@@ -58,7 +58,7 @@ impl References {
         let archives = scene.archives();
         let cache_bytes = CACHE_BYTES / archives.len().max(1) as u64;
         let open = |archive: &&str| {
-            let btf = Btf::open(&folder.join(format!("{archive}.npy")))?;
+            let btf = NpyBtf::open(&folder.join(format!("{archive}.npy")))?;
             Ok((archive.to_string(), Mipped::new(Mapped(btf), cache_bytes)?))
         };
         Ok(Self {

@@ -74,23 +74,66 @@ pub fn build(
     path: &Path,
     progress: ProgressFn<'_>,
 ) -> Result<Built> {
+    encode(btf, factors, quality, progress)?.write(path)
+}
+
+/// An archive in memory: coded and measured, not yet written.
+pub struct Encoded {
+    manifest: Manifest,
+    groups: Vec<GroupRecords>,
+    seconds: [f64; 2],
+}
+
+/// Codes `factors` of `btf`, and measures what was lost; `quality` is the quantizer step in root mean squares of the
+/// BTF.
+///
+/// # Errors
+/// As [`build`]; an [`Error::Archive`] names the BTF.
+pub fn encode(btf: &Btf, factors: &Factors, quality: f64, progress: ProgressFn<'_>) -> Result<Encoded> {
     check_quality(quality)?;
+    let path = btf.path();
     let mut manifest = manifest(btf, factors, quality);
     manifest.validate().map_err(Error::archive(path))?;
     let began = std::time::Instant::now();
     let groups = encode_groups(factors, &manifest, progress).map_err(Error::archive(path))?;
     let encoded = began.elapsed().as_secs_f64();
-
     manifest.errors = ledger(factors, manifest.texture_scale, &groups);
     let measured = began.elapsed().as_secs_f64();
-
-    let bytes = write(&manifest, groups, path)?;
-    let written = began.elapsed().as_secs_f64();
-    Ok(Built {
+    Ok(Encoded {
         manifest,
-        bytes,
-        seconds: [encoded, measured - encoded, written - measured],
+        groups,
+        seconds: [encoded, measured - encoded],
     })
+}
+
+impl Encoded {
+    /// What each stage lost.
+    pub fn ledger(&self) -> Ledger {
+        self.manifest.errors
+    }
+
+    /// Bytes of all records: the archive but for header, manifest and directory.
+    pub fn record_bytes(&self) -> u64 {
+        let group = |group: &GroupRecords| {
+            group.column.len() + group.pages.iter().map(|(_, bytes, _)| bytes.len()).sum::<usize>()
+        };
+        self.groups.iter().map(|records| group(records) as u64).sum()
+    }
+
+    /// Writes the archive under a temporary name and renames it.
+    ///
+    /// # Errors
+    /// [`Error::Archive`], [`Error::Io`]. The file is complete or not there.
+    pub fn write(self, path: &Path) -> Result<Built> {
+        let began = std::time::Instant::now();
+        let bytes = write(&self.manifest, self.groups, path)?;
+        let [encode, measure] = self.seconds;
+        Ok(Built {
+            manifest: self.manifest,
+            bytes,
+            seconds: [encode, measure, began.elapsed().as_secs_f64()],
+        })
+    }
 }
 
 /// Checks before the long work what can be checked of the archive to be.

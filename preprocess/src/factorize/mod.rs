@@ -131,6 +131,21 @@ impl Factors {
         }
     }
 
+    /// The best factors of fewer terms: the first ones, for terms are orthogonal and sorted. The whole of it if it has
+    /// no more than `components` terms.
+    pub fn truncated(&self, components: usize) -> Factors {
+        let kept = components.clamp(1, self.components.max(1)).min(self.components);
+        let dropped: f64 = self.singular_values[kept..].iter().map(|value| value * value).sum();
+        Factors {
+            components: kept,
+            u: self.u[..kept * self.rows].to_vec(),
+            v: self.v[..kept * self.columns].to_vec(),
+            singular_values: self.singular_values[..kept].to_vec(),
+            residual_energy: self.residual_energy + dropped,
+            ..*self
+        }
+    }
+
     fn rms(&self, energy: f64) -> f64 {
         let samples = self.rows as f64 * self.columns as f64;
         if samples > 0.0 {

@@ -4,9 +4,10 @@ use super::stream::{SCRATCH_BYTES, task_texels};
 use crate::{Btf, Error, Result};
 
 /// More rows than this make the products no faster (512 is the depth at which faer splits them), only memory.
-const MAX_BLOCK_ROWS: usize = 512;
+/// Whole images of three rows.
+const MAX_BLOCK_ROWS: usize = 510;
 /// Fewer rows than this would leave the products waiting for memory: refused as over budget.
-const MIN_BLOCK_ROWS: usize = 16;
+const MIN_BLOCK_ROWS: usize = 15;
 /// Packed operands of the products, the program and its stacks.
 const OVERHEAD_BYTES: u64 = 32 << 20;
 
@@ -29,7 +30,7 @@ pub(super) fn block_rows(btf: &Btf, components: u32, width: usize, limit_bytes: 
     let pass = 4 * wide * (columns + columns.max(rows));
     // For each of its rows a block has mapped samples and, of each task, a product of its own.
     let tasks = btf.columns().div_ceil(task_texels(btf.columns())) as u64;
-    let block_row = columns * btf.dtype().bytes() as u64 + 4 * wide * (tasks + 1);
+    let block_row = columns * btf.sample_bytes() as u64 + 4 * wide * (tasks + 1);
     let threads = rayon::current_num_threads() as u64;
     let overhead = OVERHEAD_BYTES + threads * SCRATCH_BYTES as u64;
     // Rayleigh-Ritz holds Q, Y, its f64 copy, and the SVD's U and working copy; then both factors.
@@ -50,5 +51,6 @@ pub(super) fn block_rows(btf: &Btf, components: u32, width: usize, limit_bytes: 
     }
     let affordable = ((limit_bytes - overhead) / 4 * 3).saturating_sub(pass) / block_row;
     let affordable = usize::try_from(affordable).unwrap_or(usize::MAX).max(least);
-    Ok(affordable.min(MAX_BLOCK_ROWS).min(btf.rows()))
+    // An image is three rows.
+    Ok((affordable.min(MAX_BLOCK_ROWS) / 3 * 3).min(btf.rows()))
 }

@@ -159,6 +159,7 @@ impl<'a> Stream<'a> {
         let (rows, columns) = (self.rows(), self.columns());
         let first_time = self.totals.is_none();
         let mut totals = Totals::default();
+        let mut buffer = Vec::new();
         let read_nanoseconds = AtomicU64::new(0);
         let began = Instant::now();
         for start in (0..rows).step_by(self.block_rows) {
@@ -168,9 +169,10 @@ impl<'a> Stream<'a> {
                 done: start as u64,
                 total: rows as u64,
             });
+            let images = start / 3..range.end / 3;
             self.btf
-                .prefetch(range.end..(range.end + self.block_rows).min(rows));
-            let samples = self.btf.row_block(range.clone());
+                .prefetch(images.end..(images.end + self.block_rows / 3).min(self.btf.image_count()));
+            let samples = self.btf.samples(images.clone(), &mut buffer)?;
             let read_nanoseconds = &read_nanoseconds;
             let sums = work(&Block {
                 rows: range.clone(),
@@ -184,12 +186,12 @@ impl<'a> Stream<'a> {
             let suspicious = !sums.energy.is_finite() || sums.energy > MAX_SAMPLE * MAX_SAMPLE;
             if first_time
                 && suspicious
-                && let Some(error) = self.btf.find_bad_sample(range.clone())
+                && let Some(error) = self.btf.bad_sample(images.start, &samples)
             {
                 return Err(error);
             }
             totals.add(sums);
-            self.btf.release(range);
+            self.btf.release(images);
             self.statistics.sample_memory();
         }
         (self.progress)(Progress {
@@ -202,7 +204,7 @@ impl<'a> Stream<'a> {
         self.statistics.product_seconds += (began.elapsed().as_secs_f64() - read).max(0.0);
         self.totals.get_or_insert(totals);
         self.statistics.passes += 1;
-        self.statistics.bytes_read += self.btf.sample_bytes();
+        self.statistics.bytes_read += self.btf.stored_bytes();
         Ok(())
     }
 }

@@ -1,18 +1,18 @@
 //! Eigentile's exchange format: `NAME.npy`, f16 or f32, C order, shape (views, lights, 3, height, width), and
 //! beside it `NAME.json` with the directions, so that any numpy user can bring data.
 //!
-//! - [`Btf`]: a BTF that is read through a memory map.
+//! - [`NpyBtf`]: a BTF that is read through a memory map.
 //! - [`BtfWriter`]: streams a BTF into a new pair of files.
 //! - [`NpyWriter`], [`write_npy_f32`]: any other array.
 //!
 //! Source: numpy.lib.format, "NPY format", versions 1.0, 2.0 and 3.0. Structured, big-endian and Fortran-ordered
 //! arrays are refused with an error that says how to convert them.
 
-mod btf;
 mod header;
+mod mapped;
 mod writer;
 
-pub use btf::{Btf, Dtype, Samples};
+pub use mapped::{Dtype, NpyBtf, Samples};
 pub use writer::{BtfWriter, NpyWriter, write_npy_f32};
 
 use serde::{Deserialize, Serialize};
@@ -90,7 +90,7 @@ impl Sampling {
     }
 
     /// Checks counts and angles.
-    fn check(&self) -> std::result::Result<(), String> {
+    pub(crate) fn check(&self) -> std::result::Result<(), String> {
         for (what, directions) in [("views", &self.views), ("lights", &self.lights)] {
             let count = directions.len();
             if count == 0 || count > tileset::MAX_DIRECTIONS as usize {
@@ -113,7 +113,7 @@ impl Sampling {
 }
 
 /// Names of the channels in errors.
-const CHANNELS: [char; 3] = ['r', 'g', 'b'];
+pub(crate) const CHANNELS: [char; 3] = ['r', 'g', 'b'];
 
 /// The JSON file that belongs to an array.
 fn sampling_path(npy: &std::path::Path) -> std::path::PathBuf {

@@ -11,7 +11,8 @@ use memmap2::Mmap;
 use tileset::Direction;
 
 use super::header::Header;
-use super::{CHANNELS, MAX_SAMPLE, Sampling, sampling_path};
+use super::{Sampling, sampling_path};
+use crate::source::Images;
 use crate::{Error, Result};
 
 /// Largest accepted `NAME.json`: far above what the accepted number of directions needs.
@@ -106,7 +107,7 @@ impl Samples<'_> {
 ///
 /// As a matrix it has one row for every (view, light, rgb) and one column for every texel.
 #[derive(Debug)]
-pub struct Btf {
+pub struct NpyBtf {
     path: PathBuf,
     name: String,
     sampling: Sampling,
@@ -117,7 +118,7 @@ pub struct Btf {
     data_offset: usize,
 }
 
-impl Btf {
+impl NpyBtf {
     /// Maps `NAME.npy` and reads `NAME.json`. Nothing of the samples is read yet.
     ///
     /// The file must not be made shorter while it is mapped.
@@ -246,7 +247,7 @@ impl Btf {
     /// Consecutive rows of the matrix, one after the other.
     ///
     /// # Panics
-    /// If `rows` ends beyond [`Btf::rows`].
+    /// If `rows` ends beyond [`NpyBtf::rows`].
     pub fn row_block(&self, rows: Range<usize>) -> Samples<'_> {
         let bytes = &self.map[self.byte_range(rows)];
         // Both casts hold: `check` refuses samples that are not aligned.
@@ -267,7 +268,7 @@ impl Btf {
     }
 
     /// Starts to fetch rows that are needed soon.
-    pub(crate) fn prefetch(&self, rows: Range<usize>) {
+    fn prefetch(&self, rows: Range<usize>) {
         #[cfg(unix)]
         {
             let bytes = self.byte_range(rows);
@@ -282,7 +283,7 @@ impl Btf {
 
     /// Takes rows that are no longer needed out of this process's resident memory. The system keeps them cached
     /// as long as it likes; touching them again maps them again.
-    pub(crate) fn release(&self, rows: Range<usize>) {
+    fn release(&self, rows: Range<usize>) {
         #[cfg(unix)]
         {
             let bytes = self.byte_range(rows);
@@ -296,27 +297,39 @@ impl Btf {
         let _ = rows;
     }
 
-    /// The error for the first sample in `rows` that is not finite or too large, if there is one.
-    pub(crate) fn find_bad_sample(&self, rows: Range<usize>) -> Option<Error> {
-        rows.into_iter().find_map(|row| {
-            let samples = self.row_block(row..row + 1);
-            let bad = |value: f64| !value.is_finite() || value.abs() > MAX_SAMPLE;
-            let texel = (0..samples.len()).find(|&texel| bad(samples.get(texel)))?;
-            Some(Error::BadSample {
-                path: self.path.clone(),
-                view: row / 3 / self.lights().len(),
-                light: row / 3 % self.lights().len(),
-                channel: CHANNELS[row % 3],
-                x: texel % self.width as usize,
-                y: texel / self.width as usize,
-                value: samples.get(texel),
-            })
-        })
-    }
-
     fn byte_range(&self, rows: Range<usize>) -> Range<usize> {
         let row_bytes = self.columns() * self.dtype.bytes();
         self.data_offset + rows.start * row_bytes..self.data_offset + rows.end * row_bytes
+    }
+}
+
+impl Images for NpyBtf {
+    fn format(&self) -> String {
+        format!("numpy array of {}", self.dtype.descr())
+    }
+
+    fn stored_bytes(&self) -> u64 {
+        self.sample_bytes()
+    }
+
+    fn sample_bytes(&self) -> usize {
+        self.dtype.bytes()
+    }
+
+    fn samples<'a>(&'a self, images: Range<usize>, _buffer: &'a mut Vec<f32>) -> Result<Samples<'a>> {
+        Ok(self.row_block(images.start * 3..images.end * 3))
+    }
+
+    fn prefetch(&self, images: Range<usize>) {
+        NpyBtf::prefetch(self, images.start * 3..images.end * 3);
+    }
+
+    fn release(&self, images: Range<usize>) {
+        NpyBtf::release(self, images.start * 3..images.end * 3);
+    }
+
+    fn place(&self, image: usize) -> String {
+        format!("bytes from {}", self.byte_range(image * 3..image * 3 + 3).start)
     }
 }
 
