@@ -1,4 +1,4 @@
-"""Rank-C truncated SVD of a BTF with numpy: the same passes as `eigentile preprocess`, from the same file.
+"""Rank-C truncated SVD of a BTF with numpy, to compare with `eigentile bench factorize`, from the same file.
 
     python factorize_numpy.py BTF.npy [--components 100] [--oversampling 10] [--power-iterations 2] [--block-rows 512]
 
@@ -28,6 +28,16 @@ class Stopwatch:
         return result
 
 
+def anonymous_bytes():
+    """Memory that no file backs; 0 where the system does not say."""
+    try:
+        with open("/proc/self/status") as status:
+            lines = [line for line in status if line.startswith("RssAnon:")]
+    except OSError:
+        lines = []
+    return int(lines[0].split()[1]) * 1024 if lines else 0
+
+
 def blocks(matrix, block_rows, watch, buffer):
     """Yields (first row, block as f32) for all blocks of rows."""
     for start in range(0, matrix.shape[0], block_rows):
@@ -45,7 +55,7 @@ def factorize(path, components, oversampling, power_iterations, block_rows, seed
     matrix = samples.reshape(rows, columns)
     width = min(components + oversampling, rows, columns)
     buffer = np.empty((min(block_rows, rows), columns), np.float32)
-    energy, flops = None, 0.0
+    energy, flops, peak_anonymous = None, 0.0, 0
 
     start = np.random.default_rng(seed).uniform(-1, 1, (columns, width)).astype(np.float32)
     q = watch("basis", lambda: np.linalg.qr(start)[0])
@@ -60,6 +70,7 @@ def factorize(path, components, oversampling, power_iterations, block_rows, seed
         energy = block_energy if energy is None else energy
         flops += 4.0 * rows * columns * width
         q = watch("basis", lambda: np.linalg.qr(z)[0])
+        peak_anonymous = max(peak_anonymous, anonymous_bytes())
 
     y = np.empty((rows, width), np.float32)
     block_energy = 0.0
@@ -75,9 +86,10 @@ def factorize(path, components, oversampling, power_iterations, block_rows, seed
         kept = min(components, width)
         u = (u[:, :kept] * np.sqrt(rows)).astype(np.float32)
         v = (q @ w[:kept].T.astype(np.float32)) * (singular_values[:kept] / np.sqrt(rows)).astype(np.float32)
-        return u, singular_values[:kept], v
+        return (u, singular_values[:kept], v), anonymous_bytes()
 
-    _, singular_values, _ = watch("decompose", decompose)
+    (_, singular_values, _), anonymous = watch("decompose", decompose)
+    peak_anonymous = max(peak_anonymous, anonymous)
     residual = max(energy - float((singular_values**2).sum()), 0.0)
     return {
         "program": f"numpy {np.__version__}",
@@ -91,6 +103,7 @@ def factorize(path, components, oversampling, power_iterations, block_rows, seed
         "relative_error": float(np.sqrt(residual / energy)) if energy > 0 else 0.0,
         "singular_values": singular_values.tolist(),
         "peak_rss_bytes": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024,
+        "peak_anonymous_bytes": peak_anonymous,
     }
 
 

@@ -1,27 +1,23 @@
-//! Benchmarks by stage (`cargo bench -p benches`), and in `peers/` the programs to measure beside.
+//! What is measured, and how: benchmarks by stage (`cargo bench -p benches`), and the library behind `eigentile bench`.
 //!
-//! Here: inputs that several benchmarks share, made by formula, the same on every platform.
+//! - [`codec`]: bytes, error and speed of whole archives at given errors, and the speed of decoding.
+//! - [`factorize`](mod@factorize): seconds, error and memory of one factorization.
+//! - [`range`]: weights and compressed samples at equal rank.
+//! - [`stability`]: BTFs that are hard on floating point numbers, against bounds.
+//! - [`KeptFactors`]: factors on disk, so that a codec can be measured again without factorizing again.
+//! - [`eigen_textures`]: an input made by formula, for benchmarks of single stages.
+//!
+//! The programs to measure beside are in `peers/`; they read what is kept here. Results are reported, not judged.
 
-use tileset::codec::MipImage;
+pub mod codec;
+mod error;
+pub mod factorize;
+mod kept;
+mod npy;
+pub mod range;
+pub mod stability;
+mod textures;
 
-/// Four eigen-textures of `side` × `side` texels with the statistics of natural images: sums of plane waves whose
-/// amplitudes fall with frequency, each component at a third of the one before.
-pub fn eigen_textures(side: u32) -> MipImage {
-    let wave = |x: f32, y: f32, component: usize| {
-        (1..24).fold(0.0, |sum, k| {
-            let frequency = k as f32 * std::f32::consts::TAU / side as f32;
-            let turn = (k * 7 + component * 5) as f32;
-            let phase = frequency * (x * turn.cos() * k as f32 + y * turn.sin() * k as f32);
-            sum + (phase + turn).sin() / k as f32
-        })
-    };
-    let texel = |i: u32| {
-        let (x, y) = ((i % side) as f32, (i / side) as f32);
-        std::array::from_fn(|component| 0.3 * wave(x, y, component) / 3f32.powi(component as i32))
-    };
-    MipImage {
-        width: side,
-        height: side,
-        texels: (0..side * side).map(texel).collect(),
-    }
-}
+pub use error::{Error, Result};
+pub use kept::KeptFactors;
+pub use textures::eigen_textures;

@@ -1,7 +1,9 @@
-//! `eigentile inspect`: what an archive holds, and what it costs.
+//! `eigentile inspect`: what an archive holds, and what it costs; what a BTF holds, and what is wrong with it.
+
+mod btf;
 
 use std::fs::File;
-use std::io::Write;
+use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
@@ -10,15 +12,17 @@ use serde::Serialize;
 use tileset::archive::Index;
 use tileset::{Archive, Codec, Factorization, Ledger};
 
+use crate::input::InputArguments;
 use crate::{bytes, file};
 
-/// Show what an archive holds: sizes, errors, bytes by kind.
+/// Show what an archive or a BTF holds: sizes, directions, errors, and what is missing.
 #[derive(Args)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct Arguments {
-    /// The archive.
-    #[arg(value_name = "X.bsvtf")]
-    archive: PathBuf,
+    /// An archive X.bsvtf; or a BTF: a folder or zip of images, a table of directions, a .btf or .npy file.
+    input: PathBuf,
+    #[command(flatten)]
+    input_arguments: InputArguments,
     /// Prints JSON.
     #[arg(long)]
     json: bool,
@@ -28,8 +32,10 @@ const EXAMPLES: &str = "\
 Examples:
   eigentile inspect tiles/leather.bsvtf
   eigentile inspect tiles/leather.bsvtf --json | jq .errors.total_relative
+  eigentile inspect WOOL.zip
+  eigentile inspect captures/ --cosine --json
 
-Errors are root mean squares of reflectance, in the unit of the BTF's samples.";
+The exit code of a BTF that cannot be preprocessed is 1. In archives, errors are root mean squares of reflectance, in the unit of the BTF's samples.";
 
 /// All there is to say about an archive.
 #[derive(Serialize)]
@@ -102,11 +108,28 @@ struct Mip {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
-    let contents = read(&arguments.archive)?;
+    if !is_archive(&arguments.input) {
+        return btf::run(
+            &arguments.input,
+            &arguments.input_arguments.overrides(),
+            arguments.json,
+        );
+    }
+    let contents = read(&arguments.input)?;
     if arguments.json {
         return file::print_json(&contents);
     }
     Ok(std::io::stdout().lock().write_all(contents.text().as_bytes())?)
+}
+
+/// First bytes of every archive (docs/format.md).
+const ARCHIVE_MAGIC: [u8; 8] = *b"\x89BSVTF\r\n";
+
+/// By its name or its first bytes.
+fn is_archive(path: &Path) -> bool {
+    let mut first = [0; 8];
+    let read = File::open(path).and_then(|mut file| file.read_exact(&mut first));
+    path.extension().is_some_and(|extension| extension == "bsvtf") || (read.is_ok() && first == ARCHIVE_MAGIC)
 }
 
 /// Reads the manifest and directory of an archive.
@@ -128,10 +151,7 @@ impl Contents {
         let largest =
             |records: &[tileset::Record]| records.iter().map(|record| record.length).max().unwrap_or(0);
         let stored = index.pages().iter().filter(|record| record.length > 0).count() as u64;
-        let quantizer_step = match manifest.codec {
-            Codec::DctDeltaZstd { step } => step,
-            _ => f64::NAN, // null in JSON: a codec without a step
-        };
+        let quantizer_step = manifest.codec.step();
         Self {
             name: manifest.name.clone(),
             generator: manifest.generator.clone(),
@@ -186,7 +206,7 @@ impl Contents {
             rank_rms,
             half_rms,
             codec_rms,
-            ..
+            measured_rms,
         } = self.errors.stages;
         let relative = |rms: f64| if btf_rms > 0.0 { 100.0 * rms / btf_rms } else { 0.0 };
         let mut text = format!(
@@ -221,6 +241,7 @@ impl Contents {
             ("half floats", half_rms),
             ("codec", codec_rms),
             ("all together", self.errors.total_rms),
+            ("measured", measured_rms),
         ] {
             text += &format!("  {name:12}{rms:11.6} {:9.3} %\n", relative(rms));
         }

@@ -2,11 +2,14 @@
 //!
 //! Each command is one file; this one only chooses between them and says, in one line, what went wrong.
 
+mod bench;
 mod bytes;
+mod convert;
 mod demo;
 mod export;
 mod failure;
 mod file;
+mod input;
 mod inspect;
 mod preprocess;
 mod progress;
@@ -42,10 +45,12 @@ enum Command {
     Synth(synth::Arguments),
     Preprocess(preprocess::Arguments),
     Inspect(inspect::Arguments),
+    Convert(convert::Arguments),
     Export(export::Arguments),
     Serve(serve::Arguments),
     Render(render::Arguments),
     Demo(demo::Arguments),
+    Bench(bench::Arguments),
 }
 
 fn main() -> ExitCode {
@@ -66,10 +71,12 @@ fn main() -> ExitCode {
         Command::Synth(arguments) => synth::run(&arguments),
         Command::Preprocess(arguments) => preprocess::run(&arguments),
         Command::Inspect(arguments) => inspect::run(&arguments),
+        Command::Convert(arguments) => convert::run(&arguments),
         Command::Export(arguments) => export::run(&arguments),
         Command::Serve(arguments) => serve::run(&arguments),
         Command::Render(arguments) => render::run(&arguments),
         Command::Demo(arguments) => demo::run(&arguments),
+        Command::Bench(arguments) => bench::run(&arguments),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

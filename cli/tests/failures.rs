@@ -93,10 +93,12 @@ fn wrong_usage_fails_and_help_teaches_by_example() {
         "synth",
         "preprocess",
         "inspect",
+        "convert",
         "export",
         "serve",
         "render",
         "demo",
+        "bench",
     ] {
         let help = succeed(folder.path(), &[command, "--help"]);
         assert!(

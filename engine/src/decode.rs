@@ -11,7 +11,7 @@ use std::sync::Arc;
 
 use bytes::Bytes;
 use lru::LruCache;
-use tileset::{Column, Page, PageId, SLOT_AREA, archive::Index, codec};
+use tileset::{Column, Page, PageId, SLOT_AREA, archive::Index};
 
 use crate::{
     Result,
@@ -152,7 +152,7 @@ impl Pending {
     /// Finds the decoded parent, decoding ancestors again as far as their records are there.
     ///
     /// # Errors
-    /// Those of [`codec::decode_page`], of an ancestor.
+    /// Those of [`tileset::codec::Decoder::page`], of an ancestor.
     pub fn step(&mut self, index: &Index, store: &mut HostStore) -> Result<Step> {
         let Item::Page(material, page) = self.item else {
             return Ok(Step::Ready(None));
@@ -180,13 +180,7 @@ impl Pending {
             let Some(record) = local_record(index, store, material, ancestor)? else {
                 return Ok(Step::Needs(ancestor));
             };
-            let page = codec::decode_page(
-                index.manifest.codec,
-                &index.pyramid,
-                ancestor,
-                &record,
-                decoded.as_deref(),
-            )?;
+            let page = index.decoder.page(ancestor, &record, decoded.as_deref())?;
             let page = Arc::new(page);
             store.put_page(material, ancestor, page.clone());
             self.reached = Some((ancestor, page.clone()));
@@ -230,26 +224,15 @@ pub enum Decoded {
 /// Those of the codec.
 pub fn decode(index: &Index, pending: &Pending, parent: Option<&Page>) -> Result<Decoded> {
     Ok(match pending.item {
-        Item::Page(_, page) => {
-            let codec = index.manifest.codec;
-            Decoded::Page(Arc::new(codec::decode_page(
-                codec,
-                &index.pyramid,
-                page,
-                &pending.record,
-                parent,
-            )?))
-        }
-        Item::Column(_, group) => {
-            Decoded::Column(codec::decode_column(&index.manifest, group, &pending.record)?)
-        }
+        Item::Page(_, page) => Decoded::Page(Arc::new(index.decoder.page(page, &pending.record, parent)?)),
+        Item::Column(_, group) => Decoded::Column(index.decoder.column(group, &pending.record)?),
     })
 }
 
 #[cfg(test)]
 mod tests {
     use half::f16;
-    use tileset::{ArchiveWriter, Codec, Factorization, Ledger, Manifest, Tile, codec::MipImage};
+    use tileset::{ArchiveWriter, Codec, Factorization, Ledger, Manifest, Tile, codec, codec::MipImage};
 
     use super::*;
 

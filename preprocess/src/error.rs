@@ -27,7 +27,8 @@ pub enum Error {
     /// A sample that no reflectance can have.
     #[error(
         "{path} ({place}): the sample of view {view}, light {light}, channel {channel}, texel x {x} y {y} is {value}; \
-         samples must be finite and at most {limit:e} in size: repair it at its source",
+         samples must be finite and at most {limit:e} in size: repair it at its source, or \
+         preprocess with --repair",
         path = .path.display(), limit = crate::npy::MAX_SAMPLE
     )]
     BadSample {
@@ -64,6 +65,16 @@ pub enum Error {
         needed_bytes: u64,
         /// What may be used.
         limit_bytes: u64,
+    },
+    /// No rank and quantizer step meet a goal.
+    #[error(
+        "{goal} cannot be reached: {best}; ask for less, or allow more memory (--memory) if that was the limit"
+    )]
+    Unreachable {
+        /// What was asked for.
+        goal: String,
+        /// What can be reached instead.
+        best: String,
     },
     /// An option or argument outside of its range.
     #[error("{what} is {found}; it must be {expected}")]

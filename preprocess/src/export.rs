@@ -11,7 +11,6 @@ use std::fs::File;
 use std::path::Path;
 
 use serde::Serialize;
-use tileset::codec::{decode_column, decode_page};
 use tileset::{Archive, Direction, GROUP_COMPONENTS, Ledger, Manifest, Page, PageId, Pyramid, ReadAt, Tile};
 
 use crate::build::Finest;
@@ -66,7 +65,11 @@ pub fn export(path: &Path, folder: &Path, progress: ProgressFn<'_>) -> Result<()
             total,
         });
         let column = archive.read_column(group).map_err(Error::archive(path))?;
-        let column = decode_column(manifest, group, &column).map_err(Error::archive(path))?;
+        let column = archive
+            .index
+            .decoder
+            .column(group, &column)
+            .map_err(Error::archive(path))?;
         let finest = decode_finest(&archive, group).map_err(Error::archive(path))?;
         let first = usize::from(group) * GROUP_COMPONENTS;
         for channel in 0..GROUP_COMPONENTS.min(components - first) {
@@ -95,7 +98,7 @@ pub fn export(path: &Path, folder: &Path, progress: ProgressFn<'_>) -> Result<()
 }
 
 /// All pages of one group, coarse to fine; what is kept is the finest mip.
-fn decode_finest<R: ReadAt>(archive: &Archive<R>, group: u16) -> tileset::Result<Finest> {
+pub(crate) fn decode_finest<R: ReadAt>(archive: &Archive<R>, group: u16) -> tileset::Result<Finest> {
     let pyramid: &Pyramid = &archive.index.pyramid;
     let mut finest = Finest::new(pyramid);
     let mut parents: HashMap<Tile, Page> = HashMap::new();
@@ -106,13 +109,7 @@ fn decode_finest<R: ReadAt>(archive: &Archive<R>, group: u16) -> tileset::Result
             let tile = Tile { mip, x, y };
             let id = PageId { group, tile };
             let parent = pyramid.parent(tile).and_then(|parent| parents.get(&parent));
-            let page = decode_page(
-                archive.index.manifest.codec,
-                pyramid,
-                id,
-                &archive.read_page(id)?,
-                parent,
-            )?;
+            let page = archive.index.decoder.page(id, &archive.read_page(id)?, parent)?;
             finest.put(pyramid, tile, &page);
             decoded.insert(tile, page);
         }

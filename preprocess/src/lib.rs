@@ -3,6 +3,7 @@
 //! - [`source`]: BTFs in any format.
 //! - [`npy`]: BTFs in the exchange format, read through a memory map and written as a stream.
 //! - [`factorize`](mod@factorize): truncated SVD of a BTF that is far larger than memory.
+//! - [`goal`]: rank and quantizer step that meet an error or a number of bytes.
 //! - [`build`](mod@build): pyramids, pages, columns, and the ledger of errors.
 //! - [`export`](mod@export): an archive as numpy files.
 //! - [`run`](fn@run): all of it in one call, with a [`Report`].
@@ -16,6 +17,8 @@ pub mod build;
 mod error;
 pub mod export;
 pub mod factorize;
+pub mod goal;
+mod measure;
 pub mod memory;
 pub mod npy;
 mod output;
@@ -26,8 +29,9 @@ pub mod source;
 
 pub use error::{Error, Result};
 pub use export::export;
-pub use factorize::{Factors, Settings};
+pub use factorize::{Factors, Settings, Weights};
+pub use goal::Goal;
 pub use progress::{Phase, Progress, ProgressFn};
-pub use report::{Report, Seconds, StageError};
-pub use run::{Options, run};
+pub use report::{Report, Seconds, StageError, WeightedError};
+pub use run::{Options, run, run_once};
 pub use source::Btf;

@@ -4,6 +4,8 @@
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Phase {
+    /// The first pass: random sums of rows; units are rows of the matrix.
+    Sketch,
     /// The numbered power iteration: one pass over the BTF; units are rows of the matrix.
     PowerIteration(u32),
     /// The pass that projects the BTF on the subspace found; units are rows of the matrix.
@@ -20,6 +22,7 @@ pub enum Phase {
 impl std::fmt::Display for Phase {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
+            Phase::Sketch => write!(f, "sketch"),
             Phase::PowerIteration(number) => write!(f, "power iteration {number}"),
             Phase::Projection => write!(f, "projection"),
             Phase::Residual => write!(f, "residual"),

@@ -284,8 +284,8 @@ fn progress_reaches_the_end_of_every_phase() {
     })
     .unwrap();
     let expected = [
+        Phase::Sketch,
         Phase::PowerIteration(1),
-        Phase::PowerIteration(2),
         Phase::Projection,
         Phase::Encoding,
     ];

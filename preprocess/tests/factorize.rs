@@ -3,9 +3,13 @@
 mod common;
 
 use common::{Shape, material, noise, product_error, singular_values, stored, write_btf};
-use preprocess::factorize::factorize;
-use preprocess::npy::Dtype;
-use preprocess::{Btf, Error, Factors, Settings};
+use std::ops::Range;
+use std::path::Path;
+
+use preprocess::factorize::{Enough, factorize};
+use preprocess::npy::{Dtype, Samples};
+use preprocess::source::{Images, LowRank};
+use preprocess::{Btf, Error, Factors, Settings, Weights};
 use proptest::prelude::*;
 
 fn run(shape: Shape, dtype: Dtype, samples: &[f32], settings: Settings) -> Factors {
@@ -231,6 +235,337 @@ fn memory_changes_blocks_but_not_the_result() {
     );
     let passes = u64::from(large.statistics.passes);
     assert_eq!(large.statistics.bytes_read, passes * btf.stored_bytes());
+}
+
+#[test]
+fn weights_choose_other_textures_for_the_same_product() {
+    let shape = Shape {
+        views: 6,
+        lights: 7,
+        width: 20,
+        height: 16,
+    };
+    // A few images far brighter than the others.
+    let mut samples = material(shape, 30, 0.05, 8);
+    let image = 3 * shape.columns();
+    samples[5 * image..7 * image]
+        .iter_mut()
+        .for_each(|sample| *sample *= sample.abs() * 50.0);
+    let exact = stored(&samples, Dtype::F32);
+    let plain = run(shape, Dtype::F32, &samples, settings(6));
+    for weights in [Weights::SolidAngle, Weights::Robust] {
+        let with = Settings {
+            weights,
+            ..settings(6)
+        };
+        let factors = run(shape, Dtype::F32, &samples, with);
+        let weighted = factors.weighted.clone().unwrap();
+        let error_in = |factors: &Factors| {
+            let (mut energy, mut all) = (0.0, 0.0);
+            for (row, samples) in exact.chunks_exact(shape.columns()).enumerate() {
+                for (column, sample) in samples.iter().enumerate() {
+                    let term = |c: usize| {
+                        let (u, v) = (
+                            factors.u[c * shape.rows() + row],
+                            factors.v[c * shape.columns() + column],
+                        );
+                        f64::from(u) * f64::from(v)
+                    };
+                    let product: f64 = (0..factors.components).map(term).sum();
+                    energy += f64::from(weighted.weights[row]) * (sample - product).powi(2);
+                    all += (sample - product).powi(2);
+                }
+            }
+            (energy, all)
+        };
+        // Both errors are exact, also of fewer terms, and each is least where it was asked for.
+        for factors in [&factors, &factors.truncated(3)] {
+            let (energy, all) = error_in(factors);
+            let stated = factors.weighted.as_ref().unwrap().residual_energy;
+            assert!(
+                (stated / energy - 1.0).abs() < 0.01,
+                "{weights:?}: {stated}, {energy}"
+            );
+            assert!((factors.residual_energy / all - 1.0).abs() < 0.01, "{weights:?}");
+        }
+        assert!(error_in(&factors).0 < error_in(&plain).0, "{weights:?}");
+        assert!(error_in(&factors).1 > error_in(&plain).1, "{weights:?}");
+    }
+}
+
+#[test]
+fn a_single_pass_estimates_its_error() {
+    let shape = Shape {
+        views: 20,
+        lights: 18,
+        width: 40,
+        height: 30,
+    };
+    let samples = material(shape, 60, 0.02, 9);
+    let once = run(
+        shape,
+        Dtype::F16,
+        &samples,
+        Settings {
+            passes: Some(1),
+            ..settings(20)
+        },
+    );
+    assert_eq!((once.statistics.passes, once.estimated), (1, true));
+    let exact = stored(&samples, Dtype::F16);
+    let measured = product_error(&exact, shape.rows(), shape.columns(), &once.u, &once.v);
+    let stated = once.relative_error();
+    assert!(
+        (stated / measured - 1.0).abs() < 0.15,
+        "stated {stated}, measured {measured}"
+    );
+    let thorough = run(shape, Dtype::F16, &samples, settings(20)).relative_error();
+    assert!(measured < 3.0 * thorough, "{measured} beside {thorough}");
+}
+
+/// 300 rows of 20,000 texels.
+const WIDE: Shape = Shape {
+    views: 10,
+    lights: 10,
+    width: 200,
+    height: 100,
+};
+
+#[test]
+fn equal_samples_do_not_add_up_their_rounding() {
+    let mut random = noise(6);
+    // Constant; nearly so; and half of the texels clipped beside others that are not.
+    for noise_size in [0.0, 1e-6, 1e-3] {
+        let samples: Vec<f32> = (0..WIDE.samples()).map(|_| 0.7 + noise_size * random()).collect();
+        let factors = run(WIDE, Dtype::F32, &samples, settings(1));
+        let exact = stored(&samples, Dtype::F32);
+        let measured = product_error(&exact, WIDE.rows(), WIDE.columns(), &factors.u, &factors.v);
+        // The noise is all that a rank-one product leaves out: uniform, of a third of its size squared.
+        let best = f64::from(noise_size) / 3f64.sqrt() / 0.7;
+        assert!(measured < 1.01 * best + 2e-7, "{measured} for {best}");
+        let stated = factors.relative_error();
+        assert!(
+            (stated - measured).abs() < 0.01 * measured + 2e-7,
+            "{stated} for {measured}"
+        );
+    }
+    let clipped: Vec<f32> = (0..WIDE.samples())
+        .map(|index| {
+            if index % WIDE.columns() < 14_000 {
+                1.0
+            } else {
+                0.5 + 0.03 * random()
+            }
+        })
+        .collect();
+    let factors = run(WIDE, Dtype::F16, &clipped, settings(2));
+    let exact = stored(&clipped, Dtype::F16);
+    let measured = product_error(&exact, WIDE.rows(), WIDE.columns(), &factors.u, &factors.v);
+    assert!((factors.relative_error() / measured - 1.0).abs() < 0.01);
+}
+
+#[test]
+fn samples_of_any_size_come_out_alike() {
+    let shape = Shape {
+        views: 4,
+        lights: 3,
+        width: 24,
+        height: 20,
+    };
+    let samples = material(shape, 20, 0.02, 3);
+    let usual = run(shape, Dtype::F32, &samples, settings(6));
+    for (exponent, passes) in [
+        (-128, None),
+        (-60, None),
+        (37, None),
+        (-60, Some(1)),
+        (37, Some(1)),
+    ] {
+        let scale = 2f64.powi(exponent);
+        let scaled: Vec<f32> = samples.iter().map(|&x| (f64::from(x) * scale) as f32).collect();
+        let with = Settings {
+            passes,
+            ..settings(6)
+        };
+        let usual = match passes {
+            Some(_) => run(shape, Dtype::F32, &samples, with),
+            None => usual.clone(),
+        };
+        let factors = run(shape, Dtype::F32, &scaled, with);
+        assert_eq!(factors.components, usual.components);
+        // Below 2⁻¹²⁶ samples and textures themselves have fewer bits.
+        let tolerance = if exponent < -100 { 1e-3 } else { 1e-5 };
+        assert!((factors.relative_error() / usual.relative_error() - 1.0).abs() < tolerance);
+        for (a, b) in factors.singular_values.iter().zip(&usual.singular_values) {
+            assert!(
+                (a / scale / b - 1.0).abs() < tolerance,
+                "{a} for {b} at 2^{exponent}"
+            );
+        }
+        let exact = stored(&scaled, Dtype::F32);
+        let measured = product_error(&exact, shape.rows(), shape.columns(), &factors.u, &factors.v);
+        if passes.is_none() {
+            assert!((factors.relative_error() / measured - 1.0).abs() < 0.01);
+        }
+    }
+    // An error that is enough is one of the samples as they are.
+    let scaled: Vec<f32> = samples.iter().map(|&x| x * 2f32.powi(-60)).collect();
+    let enough = |rms| Settings {
+        enough: Some(Enough::Rms(rms)),
+        ..settings(30)
+    };
+    let wanted = usual.rank_rms();
+    let (plain, scaled) = (
+        run(shape, Dtype::F32, &samples, enough(wanted)),
+        run(shape, Dtype::F32, &scaled, enough(wanted * 2f64.powi(-60))),
+    );
+    assert!(plain.rank_rms() <= wanted);
+    assert_eq!(plain.components, scaled.components);
+}
+
+#[test]
+fn passes_are_as_many_as_are_worth_it() {
+    let passes = |samples: &[f32], settings: Settings| {
+        let factors = run(WIDE, Dtype::F32, samples, settings);
+        (factors.statistics.passes, factors)
+    };
+    // Five terms: after the sketch one pass finds them all, and one measures and refines.
+    let mut random = noise(8);
+    let u: Vec<[f32; 5]> = (0..WIDE.rows()).map(|_| [(); 5].map(|()| random())).collect();
+    let v: Vec<[f32; 5]> = (0..WIDE.columns()).map(|_| [(); 5].map(|()| random())).collect();
+    let product = |(u, v): (&[f32; 5], &[f32; 5])| u.iter().zip(v).map(|(u, v)| u * v).sum::<f32>();
+    let five: Vec<f32> = u
+        .iter()
+        .flat_map(|u| v.iter().map(move |v| product((u, v))))
+        .collect();
+    let (count, factors) = passes(&five, settings(20));
+    assert_eq!((count, factors.components), (3, 5));
+    assert!(factors.relative_error() < 2e-7);
+    // What is seldom asked for is given: a fixed number.
+    let fixed = |passes| Settings {
+        passes: Some(passes),
+        ..settings(20)
+    };
+    assert_eq!(passes(&five, fixed(5)).0, 6);
+
+    // Terms that fall slowly: 300 of them, like 1/√c, where each block adds much.
+    let slow: Vec<f32> = {
+        let amplitude = |row: usize| 1.0 / (1.0 + row as f32 / 40.0).sqrt();
+        (0..WIDE.samples())
+            .map(|index| amplitude(index / WIDE.columns()) * random())
+            .collect()
+    };
+    let (count, factors) = passes(&slow, settings(20));
+    let (usual, four) = passes(&slow, fixed(4));
+    assert_eq!(usual, 4);
+    assert!(count > 4, "{count} passes");
+    assert!(factors.residual_energy < four.residual_energy);
+}
+
+#[test]
+fn the_subspace_grows_until_the_error_is_met() {
+    let shape = Shape {
+        views: 12,
+        lights: 10,
+        width: 30,
+        height: 20,
+    };
+    let samples = material(shape, 150, 0.01, 12);
+    let mut components = Vec::new();
+    for error in [0.2, 0.05, 0.02] {
+        let grown = Settings {
+            enough: Some(Enough::Relative(error)),
+            ..settings(1024)
+        };
+        let factors = run(shape, Dtype::F16, &samples, grown);
+        let found = factors.relative_error();
+        assert!(found <= error, "{found} for {error}");
+        // One term less would not do.
+        assert!(factors.residual_energy_of(factors.components - 1) > error * error * factors.energy);
+        components.push(factors.components);
+    }
+    assert!(components.is_sorted_by(|a, b| a < b), "{components:?}");
+}
+
+/// A BTF whose file holds factors.
+#[derive(Debug)]
+struct Product(LowRank);
+
+impl Images for Product {
+    fn format(&self) -> String {
+        "factors".into()
+    }
+
+    fn stored_bytes(&self) -> u64 {
+        0
+    }
+
+    fn samples<'a>(&'a self, _: Range<usize>, _: &'a mut Vec<f32>) -> preprocess::Result<Samples<'a>> {
+        panic!("its samples need not be read")
+    }
+
+    fn place(&self, image: usize) -> String {
+        image.to_string()
+    }
+
+    fn low_rank(&self) -> preprocess::Result<Option<LowRank>> {
+        Ok(Some(self.0.clone()))
+    }
+}
+
+#[test]
+fn factors_in_a_file_are_not_factorized_again() {
+    let (views, lights, width, height) = (5, 4, 13, 9);
+    let (rows, columns) = (views * lights * 3, (width * height) as usize);
+    let mut random = noise(4);
+    for (terms, copies) in [(7, 1), (7, 2), (40, 1), (1, 1)] {
+        // Terms that are neither orthogonal nor sorted, of very different sizes; some twice.
+        let mut product = LowRank {
+            terms: terms * copies,
+            ..LowRank::default()
+        };
+        for term in 0..terms {
+            let size = 10f32.powi(2 - (term as i32 * 5) % 7);
+            let u: Vec<f32> = (0..rows).map(|_| 0.3 + random()).collect();
+            let v: Vec<f32> = (0..columns).map(|_| size * (0.2 + random())).collect();
+            for _ in 0..copies {
+                product.u.extend(&u);
+                product.v.extend(&v);
+            }
+        }
+        let exact: Vec<f64> = (0..rows * columns)
+            .map(|at| {
+                let term = |t: usize| {
+                    f64::from(product.u[t * rows + at / columns])
+                        * f64::from(product.v[t * columns + at % columns])
+                };
+                (0..product.terms).map(term).sum()
+            })
+            .collect();
+        let images = Box::new(Product(product));
+        let sampling = common::sampling(views, lights);
+        let btf = Btf::new(Path::new("product.btf"), sampling, (width, height), images).unwrap();
+        let truth = singular_values(&exact, rows, columns);
+        let norm = exact.iter().map(|x| x * x).sum::<f64>().sqrt();
+        for components in [1, 3, 60] {
+            let factors = factorize(&btf, &settings(components), &|_| ()).unwrap();
+            assert_eq!(factors.statistics.passes, 0);
+            assert!((factors.energy.sqrt() / norm - 1.0).abs() < 1e-6);
+            let measured = product_error(&exact, rows, columns, &factors.u, &factors.v);
+            let stated = factors.relative_error();
+            assert!(
+                (stated - measured).abs() < 0.01 * measured + 1e-6,
+                "{stated}, {measured}"
+            );
+            for (value, truth) in factors.singular_values.iter().zip(&truth) {
+                assert!((value - truth).abs() < 1e-6 * norm, "{value} for {truth}");
+            }
+            assert!(defect(&factors.u, rows, factors.components) < 1e-5);
+            let mean: f64 = exact.iter().sum::<f64>() / exact.len() as f64;
+            let stated = factors.mean_rgb.iter().sum::<f64>() / 3.0;
+            assert!((mean - stated).abs() < 1e-6 * norm);
+        }
+    }
 }
 
 #[test]

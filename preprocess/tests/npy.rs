@@ -90,7 +90,10 @@ fn writers_convert_between_types_and_count_samples() {
             .to_string()
             .contains("1 samples were not written")
     );
-    assert!(NpyBtf::open(&path).is_ok(), "a failed write leaves what was there");
+    assert!(
+        NpyBtf::open(&path).is_ok(),
+        "a failed write leaves what was there"
+    );
     assert!(write_npy_f32(&path, &[2, 2], &[1.0; 5]).is_err());
     assert!(write_npy_f32(&path, &[usize::MAX, 9], &[]).is_err());
     assert_eq!(

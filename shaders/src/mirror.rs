@@ -176,3 +176,25 @@ mirror! {
         pub pad: u32,
     }
 }
+
+mirror! {
+    /// A rectangle of a cached page's border, and where its texels come from.
+    pub struct Strip {
+        /// First texel of the payload that is read, in its layer.
+        pub source: UVec2,
+        /// First texel of the border that is written, in its layer.
+        pub destination: UVec2,
+        /// Texels.
+        pub size: UVec2,
+        /// Along each axis 1 where the source goes on, 0 where it repeats.
+        pub step: UVec2,
+        /// Layer of the source.
+        pub source_layer: u32,
+        /// Layer of the destination.
+        pub destination_layer: u32,
+        /// First texel in the staging buffer.
+        pub staging: u32,
+        /// Not used.
+        pub pad: u32,
+    }
+}

@@ -49,6 +49,7 @@ embed!(
     "material",
     "pages",
     "shade",
+    "stitch",
     "surface",
     "tonemap",
     "visibility",

@@ -6,7 +6,7 @@ use naga::{
 };
 use shaders::{
     Field, Mirror, NAMES,
-    mirror::{Frame, Instance, Light, Material, Mip, Triangulation, Vertex},
+    mirror::{Frame, Instance, Light, Material, Mip, Strip, Triangulation, Vertex},
     shader,
 };
 
@@ -111,6 +111,8 @@ fn every_entry_point_validates() {
         [
             "feedback",
             "shade",
+            "stitch_gather",
+            "stitch_scatter",
             "tonemap",
             "visibility_fragment",
             "visibility_vertex"
@@ -129,6 +131,7 @@ fn mirrors_lie_in_memory_as_their_wgsl_structs() {
         differences::<Triangulation>(&module),
         differences::<Material>(&module),
         differences::<Light>(&module),
+        differences::<Strip>(&parse("stitch")),
     ];
     let found: Vec<_> = found.into_iter().flatten().collect();
     assert!(found.is_empty(), "{}", found.join("\n"));

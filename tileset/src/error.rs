@@ -18,12 +18,13 @@ pub enum Error {
     },
     /// The archive was written by a newer program.
     #[error(
-        "archive version {found} is newer than {supported}, the newest this program reads: update the program"
+        "archive version {found} is not {supported}, the one that this program reads: update the program if it is newer, \
+         preprocess the material again if it is older"
     )]
     UnsupportedVersion {
         /// Version in the file.
         found: u32,
-        /// Newest version that is read.
+        /// The version that is read.
         supported: u32,
     },
     /// A page or column that the archive does not have.

@@ -42,6 +42,22 @@ pub enum Codec {
         /// Quantizer step of the orthonormal DCT, in units of the scaled eigen-textures.
         step: f64,
     },
+    /// A critically sampled pyramid of 16×16 DCTs, one quantizer step for all components and mips, and columns in an
+    /// angular basis with the step that costs as much; rANS for the symbols. See [`codec::pyramid_dct`] and
+    /// [`codec::columns`].
+    PyramidDct {
+        /// Quantizer step of the orthonormal transform, in units of the scaled eigen-textures.
+        step: f64,
+    },
+}
+
+impl Codec {
+    /// Quantizer step, in units of the scaled eigen-textures.
+    pub fn step(self) -> f64 {
+        match self {
+            Codec::DctDeltaZstd { step } | Codec::PyramidDct { step } => step,
+        }
+    }
 }
 
 /// Root mean square errors of reflectance by stage, and the root mean square of the BTF to relate them to.
@@ -55,8 +71,11 @@ pub struct Ledger {
     pub rank_rms: f64,
     /// What half floats lose, in both factors.
     pub half_rms: f64,
-    /// What the codec loses in the finest mip.
+    /// What the codec loses of both factors in half floats, in the finest mip.
     pub codec_rms: f64,
+    /// The sum, measured on the decoded archive: what the truncated rank leaves out, and the difference of the decoded
+    /// factors to the exact ones in one piece.
+    pub measured_rms: f64,
 }
 
 impl Ledger {
@@ -178,7 +197,7 @@ impl Manifest {
         )?;
         check_directions("views", &self.views)?;
         check_directions("lights", &self.lights)?;
-        codec::check_step(self.codec)?;
+        codec::check(self.codec)?;
 
         let exponent_only = self.texture_scale.to_bits() << (64 - f64::MANTISSA_DIGITS + 1) == 0;
         if !exponent_only || !(MIN_SCALE..=1.0 / MIN_SCALE).contains(&self.texture_scale) {
@@ -200,10 +219,11 @@ impl Manifest {
             rank_rms,
             half_rms,
             codec_rms,
+            measured_rms,
         } = self.errors;
         for (member, values) in [
             ("singular_values", self.singular_values.as_slice()),
-            ("errors", &[btf_rms, rank_rms, half_rms, codec_rms]),
+            ("errors", &[btf_rms, rank_rms, half_rms, codec_rms, measured_rms]),
         ] {
             if let Some(bad) = values.iter().find(|value| !(value.is_finite() && **value >= 0.0)) {
                 return Err(invalid(member, format!("{bad} is negative or no number")));
@@ -318,6 +338,7 @@ mod tests {
                 rank_rms: 0.3,
                 half_rms: 0.0,
                 codec_rms: 0.4,
+                measured_rms: 0.5,
             },
         }
     }

@@ -1,24 +1,39 @@
-//! An archive of version 1 as it was once written, kept as bytes: whatever changes in this crate, it must
-//! decode to the same values, on every platform.
+//! Archives of version 2 as they were once written, one of each codec, kept as bytes: whatever changes in this crate,
+//! they must decode to the same values, on every platform.
 //!
-//! A change of the format is a new version, a new fixture beside this one, and docs/format.md.
+//! A change of the format is a new version, new fixtures beside these, and docs/format.md.
 
 mod common;
 
 use common::read_all;
 use half::f16;
-use tileset::{
-    Archive, Column, Error, Page, PageId,
-    codec::{decode_column, decode_page},
-};
+use tileset::{Archive, Column, Error, Page, PageId};
 use xxhash_rust::xxh3::Xxh3;
 
-const V1: &[u8] = include_bytes!("fixtures/v1.bsvtf");
-/// XXH3-128 of header, manifest and directory.
-const ID: u128 = 0x363d_50bf_f51b_51a0_cea9_9765_6e2a_d59c;
-/// XXH3-64 of the decoded columns, and of the decoded pages, as little-endian half floats.
-const COLUMNS: u64 = 0x3e71_2393_febe_6da3;
-const PAGES: u64 = 0xca6f_0637_477b_557a;
+/// What a fixture must say and decode to.
+struct Fixture {
+    bytes: &'static [u8],
+    /// XXH3-128 of header, manifest, tables and directory.
+    id: u128,
+    /// XXH3-64 of the decoded columns, and of the decoded pages, as little-endian half floats.
+    columns: u64,
+    pages: u64,
+}
+
+const FIXTURES: [Fixture; 2] = [
+    Fixture {
+        bytes: include_bytes!("fixtures/v2-pyramid-dct.bsvtf"),
+        id: 0xa380_0517_2a7b_6b4f_9886_4508_98d2_5221,
+        columns: 0x3d65_5871_0ead_6fc6,
+        pages: 0x3793_6df7_d746_fd50,
+    },
+    Fixture {
+        bytes: include_bytes!("fixtures/v2-dct-delta-zstd.bsvtf"),
+        id: 0x2010_14e7_35c9_c4e0_9a0a_298f_ebee_fdde,
+        columns: 0xe3df_0bbd_ee3d_f103,
+        pages: 0x3b5a_2385_a206_bf0a,
+    },
+];
 
 fn hash<'a>(texels: impl Iterator<Item = &'a [f16; 4]>) -> u64 {
     let mut hasher = Xxh3::new();
@@ -29,13 +44,13 @@ fn hash<'a>(texels: impl Iterator<Item = &'a [f16; 4]>) -> u64 {
 }
 
 /// Hashes of all columns and all pages.
-fn decode(bytes: &[u8]) -> (u64, u64) {
-    let archive = Archive::open(bytes).unwrap();
+fn decode(archive: &Archive<&[u8]>) -> (u64, u64) {
     let (manifest, pyramid) = (&archive.index.manifest, archive.index.pyramid);
     let mut columns: Vec<Column> = Vec::new();
     let mut pages: Vec<Page> = Vec::new();
     for group in 0..manifest.groups() as u16 {
-        columns.push(decode_column(manifest, group, &archive.read_column(group).unwrap()).unwrap());
+        let record = archive.read_column(group).unwrap();
+        columns.push(archive.index.decoder.column(group, &record).unwrap());
         let first = pages.len();
         for tile in pyramid.tiles() {
             let parent = pyramid
@@ -43,7 +58,7 @@ fn decode(bytes: &[u8]) -> (u64, u64) {
                 .map(|tile| &pages[first + pyramid.tile_index(tile).unwrap() as usize]);
             let page = PageId { group, tile };
             let record = archive.read_page(page).unwrap();
-            pages.push(decode_page(manifest.codec, &pyramid, page, &record, parent).unwrap());
+            pages.push(archive.index.decoder.page(page, &record, parent).unwrap());
         }
     }
     (
@@ -53,51 +68,46 @@ fn decode(bytes: &[u8]) -> (u64, u64) {
 }
 
 #[test]
-fn version_1_decodes_to_the_same_bits() {
-    let archive = Archive::open(V1).unwrap();
-    let manifest = &archive.index.manifest;
-    assert_eq!(
-        (
-            manifest.width,
-            manifest.height,
-            manifest.wrap,
-            manifest.components
-        ),
-        (75, 40, true, 6)
-    );
-    assert_eq!(manifest.name, "fixture");
-    assert_eq!(archive.index.id, ID);
-    assert_eq!(
-        archive
-            .index
-            .pages()
-            .iter()
-            .filter(|record| record.length == 0)
-            .count(),
-        3
-    );
-    assert_eq!(decode(V1), (COLUMNS, PAGES));
+fn version_2_decodes_to_the_same_bits() {
+    for fixture in &FIXTURES {
+        let archive = Archive::open(fixture.bytes).unwrap();
+        let manifest = &archive.index.manifest;
+        assert_eq!((manifest.width, manifest.height, manifest.wrap), (75, 40, true));
+        assert_eq!((manifest.components, manifest.name.as_str()), (6, "fixture"));
+        let found = decode(&archive);
+        assert_eq!(
+            (archive.index.id, found),
+            (fixture.id, (fixture.columns, fixture.pages)),
+            "{:?} {:#x} {:#x} {:#x}",
+            manifest.codec,
+            archive.index.id,
+            found.0,
+            found.1
+        );
+    }
 }
 
 #[test]
 fn every_cut_and_every_flipped_byte_is_found() {
-    for length in 0..V1.len() {
-        assert!(
-            matches!(read_all(&V1[..length]), Err(Error::Corrupt { .. })),
-            "cut at {length}"
-        );
+    for Fixture { bytes, .. } in &FIXTURES {
+        for length in 0..bytes.len() {
+            assert!(
+                matches!(read_all(&bytes[..length]), Err(Error::Corrupt { .. })),
+                "cut at {length}"
+            );
+        }
+        for extra in [&[0][..], bytes] {
+            assert!(matches!(
+                read_all(&[bytes, extra].concat()),
+                Err(Error::Corrupt { .. })
+            ));
+        }
+        let mut damaged = bytes.to_vec();
+        for i in 0..bytes.len() {
+            damaged[i] ^= 1 << (i % 8);
+            assert!(read_all(&damaged).is_err(), "byte {i}");
+            damaged[i] = bytes[i];
+        }
+        read_all(&damaged).unwrap();
     }
-    for extra in [&[0][..], V1] {
-        assert!(matches!(
-            read_all(&[V1, extra].concat()),
-            Err(Error::Corrupt { .. })
-        ));
-    }
-    let mut damaged = V1.to_vec();
-    for i in 0..V1.len() {
-        damaged[i] ^= 1 << (i % 8);
-        assert!(read_all(&damaged).is_err(), "byte {i}");
-        damaged[i] = V1[i];
-    }
-    read_all(&damaged).unwrap();
 }

@@ -1,26 +1,47 @@
-//! What the workspace needs beyond Rust: a Vulkan loader and a driver.
+//! What the workspace needs beyond Rust: a Vulkan loader and a driver; and for its tests Python with numpy and Pillow.
 //!
 //! Any driver will do. Without a graphics card Mesa's software adapter (llvmpipe) draws; Debian has it in the
-//! package mesa-vulkan-drivers. macOS and Windows bring Metal and DX12.
+//! package mesa-vulkan-drivers. macOS and Windows bring Metal and DX12. Python makes the images that tests of the
+//! readers compare with: nothing but those tests fails without it.
 
 use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
 
 use anyhow::{Result, bail};
 
 use crate::steps::Program;
 
-const PACKAGES: [&str; 2] = ["mesa-vulkan-drivers", "libvulkan1"];
+const PACKAGES: [&str; 4] = [
+    "mesa-vulkan-drivers",
+    "libvulkan1",
+    "python3-numpy",
+    "python3-pil",
+];
 
-/// Finds the loader and a driver, or installs them, or says how to.
+/// Finds all that is needed, or installs it, or says how to.
 pub(crate) fn setup() -> Result<()> {
     if !cfg!(target_os = "linux") {
         return Ok(());
     }
-    let missing = missing();
-    if missing.is_empty() {
+    let (missing, python) = (missing(), has_python());
+    if missing.is_empty() && python {
         return Ok(());
     }
-    eprintln!("missing: {}", missing.join(", "));
+    let python_hint = "tests need python3 with numpy and Pillow (python3-numpy and python3-pil on Debian)";
+    if missing.is_empty() && !(found_on_path("apt-get") && is_root()) {
+        eprintln!("note: {python_hint}");
+        return Ok(());
+    }
+    let all = [
+        &missing[..],
+        if python {
+            &[]
+        } else {
+            &["numpy and Pillow for Python"]
+        },
+    ]
+    .concat();
+    eprintln!("missing: {}", all.join(", "));
     let command = format!(
         "apt-get install -y --no-install-recommends {}",
         PACKAGES.join(" ")
@@ -40,6 +61,9 @@ pub(crate) fn setup() -> Result<()> {
         apt_get().args(["update"]).run()?;
         install()?;
     }
+    if !has_python() {
+        eprintln!("note: {python_hint}");
+    }
     match self::missing() {
         missing if missing.is_empty() => Ok(()),
         missing => bail!(
@@ -58,6 +82,18 @@ fn install() -> Result<()> {
 
 fn apt_get() -> Program {
     Program::new("apt-get").env("DEBIAN_FRONTEND", "noninteractive")
+}
+
+/// Whether Python has what tests use: the first on the path, or that of the system.
+fn has_python() -> bool {
+    ["python3", "/usr/bin/python3"].into_iter().any(|python| {
+        Command::new(python)
+            .args(["-c", "import numpy, PIL.Image"])
+            .stdout(Stdio::null())
+            .stderr(Stdio::null())
+            .status()
+            .is_ok_and(|status| status.success())
+    })
 }
 
 /// What is not there, by name.

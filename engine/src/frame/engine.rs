@@ -142,7 +142,7 @@ impl Engine {
         ms.decode = watch.lap();
 
         self.place(arrived);
-        self.renderer.flush();
+        let texels_stitched = self.renderer.flush();
         ms.upload = watch.lap();
 
         let after = self.summary();
@@ -159,6 +159,7 @@ impl Engine {
             added: (after.added - before.added) as u32,
             swapped: (after.swapped - before.swapped) as u32,
             in_flight: after.in_flight,
+            texels_stitched,
             wire_bytes: self.wire_bytes - wire_bytes_before,
             wire_bytes_total: self.wire_bytes,
             gpu_bytes: self.renderer.bytes(),

@@ -40,6 +40,8 @@ pub struct FrameStats {
     pub swapped: u32,
     /// Requests in flight after this frame.
     pub in_flight: u32,
+    /// Border texels copied on the GPU between neighbouring pages in this frame; bounded by the pages it placed.
+    pub texels_stitched: u64,
     /// Bytes that crossed the wire in this frame.
     pub wire_bytes: u64,
     /// Bytes that crossed the wire since the start.

@@ -22,6 +22,8 @@ pub(super) enum Binding {
     Sampler,
     /// Written.
     Picture(wgpu::TextureFormat),
+    /// Array of textures, written.
+    Slots(wgpu::TextureFormat),
 }
 
 impl Binding {
@@ -35,6 +37,11 @@ impl Binding {
             sample_type,
             view_dimension,
             multisampled: false,
+        };
+        let written = |format, view_dimension| wgpu::BindingType::StorageTexture {
+            access: wgpu::StorageTextureAccess::WriteOnly,
+            format,
+            view_dimension,
         };
         match self {
             Binding::Uniform => buffer(wgpu::BufferBindingType::Uniform),
@@ -51,11 +58,8 @@ impl Binding {
             ),
             Binding::Integers => texture(wgpu::TextureSampleType::Uint, wgpu::TextureViewDimension::D2),
             Binding::Sampler => wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering),
-            Binding::Picture(format) => wgpu::BindingType::StorageTexture {
-                access: wgpu::StorageTextureAccess::WriteOnly,
-                format,
-                view_dimension: wgpu::TextureViewDimension::D2,
-            },
+            Binding::Picture(format) => written(format, wgpu::TextureViewDimension::D2),
+            Binding::Slots(format) => written(format, wgpu::TextureViewDimension::D2Array),
         }
     }
 }
@@ -140,24 +144,34 @@ pub(super) fn compute(
     name: &'static str,
     groups: &[&wgpu::BindGroupLayout],
 ) -> Result<wgpu::ComputePipeline> {
+    Ok(pipeline(context, &module(context, name)?, name, groups))
+}
+
+/// A compute pipeline of an entry point of a module.
+pub(super) fn pipeline(
+    context: &Context,
+    module: &wgpu::ShaderModule,
+    entry_point: &str,
+    groups: &[&wgpu::BindGroupLayout],
+) -> wgpu::ComputePipeline {
     let groups: Vec<_> = groups.iter().copied().map(Some).collect();
     let layout = context
         .device
         .create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-            label: Some(name),
+            label: Some(entry_point),
             bind_group_layouts: &groups,
             immediate_size: 0,
         });
-    Ok(context
+    context
         .device
         .create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-            label: Some(name),
+            label: Some(entry_point),
             layout: Some(&layout),
-            module: &module(context, name)?,
-            entry_point: Some(name),
+            module,
+            entry_point: Some(entry_point),
             compilation_options: Default::default(),
             cache: None,
-        }))
+        })
 }
 
 /// The module of a shader.

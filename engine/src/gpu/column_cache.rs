@@ -108,6 +108,7 @@ impl ColumnCache {
                 rows.slot_rows * rows.layer_slots,
                 rows.layers,
             ),
+            wgpu::TextureUsages::empty(),
         );
         let view = super::targets::layers_view(&texture);
         Ok(Self { rows, texture, view })

@@ -1,6 +1,7 @@
 //! The page cache: one texture array whose layers hold a grid of slots.
 
-use glam::Vec2;
+use glam::{UVec2, Vec2};
+use half::f16;
 use tileset::{Page, SLOT_TEXELS};
 
 use crate::{Error, Result, gpu::Context, residency::Slot};
@@ -67,6 +68,12 @@ impl Grid {
     }
 }
 
+/// First texel and layer of the slot at an address.
+pub fn origin(address: u32) -> (UVec2, u32) {
+    let (row, column) = (address >> 8 & 0xff, address & 0xff);
+    (UVec2::new(column, row) * SLOT_TEXELS, address >> 16)
+}
+
 /// The texture.
 pub(super) struct PageCache {
     pub(super) grid: Grid,
@@ -98,6 +105,8 @@ impl PageCache {
             "page cache",
             super::targets::PAGES,
             (grid.columns * SLOT_TEXELS, grid.rows * SLOT_TEXELS, grid.layers),
+            // Borders are stitched; tests read slots back.
+            wgpu::TextureUsages::STORAGE_BINDING | wgpu::TextureUsages::COPY_SRC,
         );
         let view = super::targets::layers_view(&texture);
         let sampler = context.device.create_sampler(&wgpu::SamplerDescriptor {
@@ -115,20 +124,27 @@ impl PageCache {
     }
 
     pub(super) fn write(&self, context: &Context, slot: Slot, page: &Page) {
-        let Grid { columns, rows, .. } = self.grid;
-        let (layer, place) = (slot.0 / (columns * rows), slot.0 % (columns * rows));
-        let origin = wgpu::Origin3d {
-            x: place % columns * SLOT_TEXELS,
-            y: place / columns * SLOT_TEXELS,
-            z: layer,
-        };
         super::targets::write(
             context,
             &self.texture,
-            origin,
+            origin_3d(self.grid.address(slot)),
             (SLOT_TEXELS, SLOT_TEXELS),
             bytemuck::cast_slice(&page.texels),
         );
+    }
+
+    /// The texels of the slot at an address, `[y][x]`. Waits.
+    ///
+    /// # Errors
+    /// [`Error::Adapter`] if the device fails.
+    pub(super) fn read(&self, context: &Context, address: u32) -> Result<Vec<[f16; 4]>> {
+        let bytes = super::readback::rectangle(
+            context,
+            &self.texture,
+            origin_3d(address),
+            (SLOT_TEXELS, SLOT_TEXELS),
+        )?;
+        Ok(bytes.chunks_exact(8).map(bytemuck::pod_read_unaligned).collect())
     }
 
     /// One over width and height of a layer in texels.
@@ -138,6 +154,15 @@ impl PageCache {
 
     pub(super) fn bytes(&self) -> u64 {
         u64::from(self.grid.slots()) * SLOT_BYTES
+    }
+}
+
+fn origin_3d(address: u32) -> wgpu::Origin3d {
+    let (texel, layer) = origin(address);
+    wgpu::Origin3d {
+        x: texel.x,
+        y: texel.y,
+        z: layer,
     }
 }
 
@@ -170,6 +195,7 @@ mod tests {
         assert_eq!(addresses[0], 0);
         assert_eq!(addresses[5], 1 << 8 | 2);
         assert_eq!(addresses[6], 1 << 16);
+        assert_eq!(origin(addresses[23]), (UVec2::new(144, 72), 3));
         addresses.dedup();
         assert_eq!(addresses.len(), 24);
     }

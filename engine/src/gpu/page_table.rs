@@ -47,6 +47,22 @@ impl PageTable {
         &self.entries
     }
 
+    /// The address of a page, if it is resident.
+    pub fn page(&self, btf: usize, page: PageId) -> Option<u32> {
+        let region = self.regions[btf];
+        if page.group >= region.groups || region.pyramid.tile_index(page.tile).is_none() {
+            return None;
+        }
+        let entry = self.entries[region.entry(page.group, page.tile)];
+        (entry != NONE && entry >> MIP_SHIFT == u32::from(page.tile.mip))
+            .then_some(entry & ((1 << MIP_SHIFT) - 1))
+    }
+
+    /// Geometry of a BTF's pages.
+    pub fn pyramid(&self, btf: usize) -> Pyramid {
+        self.regions[btf].pyramid
+    }
+
     /// Enters a column's slot, or takes it out.
     pub fn set_column(&mut self, btf: usize, group: u16, address: Option<u32>) {
         let entry = self.regions[btf].base as usize + usize::from(group);
@@ -200,6 +216,7 @@ mod tests {
                 prop_assert_eq!(&table.entries()[half..], &naive(pyramid, &resident)[..]);
                 prop_assert!(table.entries()[..half].iter().all(|&entry| entry == NONE));
                 prop_assert_eq!(&on_gpu[..], table.entries());
+                prop_assert_eq!(table.page(1, page), resident.get(&page).copied());
             }
         }
     }

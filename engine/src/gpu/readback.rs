@@ -10,8 +10,21 @@ use crate::{
 /// # Errors
 /// [`Error::Adapter`] if the device fails.
 pub(super) fn texels(context: &Context, target: &Target) -> Result<Vec<u8>> {
-    let (width, height) = (target.texture.width(), target.texture.height());
-    let row_bytes = width * target.texture.format().block_copy_size(None).unwrap_or(4);
+    let size = (target.texture.width(), target.texture.height());
+    rectangle(context, &target.texture, wgpu::Origin3d::ZERO, size)
+}
+
+/// The same of a rectangle in a layer.
+///
+/// # Errors
+/// [`Error::Adapter`] if the device fails.
+pub(super) fn rectangle(
+    context: &Context,
+    texture: &wgpu::Texture,
+    origin: wgpu::Origin3d,
+    (width, height): (u32, u32),
+) -> Result<Vec<u8>> {
+    let row_bytes = width * texture.format().block_copy_size(None).unwrap_or(4);
     // WebGPU copies rows at multiples of this.
     let pitch = row_bytes.next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
     let buffer = context.device.create_buffer(&wgpu::BufferDescriptor {
@@ -22,7 +35,10 @@ pub(super) fn texels(context: &Context, target: &Target) -> Result<Vec<u8>> {
     });
     let mut encoder = context.device.create_command_encoder(&Default::default());
     encoder.copy_texture_to_buffer(
-        target.texture.as_image_copy(),
+        wgpu::TexelCopyTextureInfo {
+            origin,
+            ..texture.as_image_copy()
+        },
         wgpu::TexelCopyBufferInfo {
             buffer: &buffer,
             layout: wgpu::TexelCopyBufferLayout {
@@ -31,7 +47,11 @@ pub(super) fn texels(context: &Context, target: &Target) -> Result<Vec<u8>> {
                 rows_per_image: None,
             },
         },
-        target.texture.size(),
+        wgpu::Extent3d {
+            width,
+            height,
+            depth_or_array_layers: 1,
+        },
     );
     context.queue.submit([encoder.finish()]);
     // The result is told by get_mapped_range.

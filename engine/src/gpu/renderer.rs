@@ -13,6 +13,7 @@ use super::{
     page_cache::SLOT_BYTES,
     readback,
     resources::{Caches, Groups, Materials, Passes},
+    stitch,
     targets::Targets,
     timers::{GpuMilliseconds, Pass, Timers},
     view,
@@ -42,6 +43,8 @@ pub struct Renderer {
     materials: Materials,
     groups: Groups,
     timers: Option<Timers>,
+    /// Pages whose borders are to be stitched, by BTF.
+    placed: Vec<(usize, PageId)>,
 }
 
 impl Renderer {
@@ -86,6 +89,7 @@ impl Renderer {
             materials,
             groups,
             timers,
+            placed: Vec::new(),
         })
     }
 
@@ -96,6 +100,7 @@ impl Renderer {
     /// [`Error::Budget`] if the caches do not hold one page and one column, or tables exceed the adapter.
     pub fn set_materials(&mut self, btfs: &[Btf], btf_of: &[Option<usize>], caches: Caches) -> Result<()> {
         self.materials = Materials::new(&self.context, &self.scene_materials, btfs, btf_of, caches)?;
+        self.placed.clear();
         let votes = btfs.iter().map(|btf| btf.pyramid().tile_count()).sum();
         self.passes.feedback.resize(&self.context, votes)?;
         self.bind();
@@ -151,16 +156,19 @@ impl Renderer {
             + self.frame_buffer.size()
             + self.targets.bytes()
             + self.passes.feedback.bytes()
+            + self.passes.stitch.bytes()
             + self.materials.bytes()
     }
 
-    /// Writes a page into a slot and enters it into the page table.
+    /// Writes a page into a slot and enters it into the page table. What its border holds counts only where a
+    /// neighbour is missing, and at the outer sides of a clamped mip.
     pub fn place_page(&mut self, btf: usize, page: PageId, slot: Slot, texels: &Page) {
         let Materials {
             pages, page_table, ..
         } = &mut self.materials;
         pages.write(&self.context, slot, texels);
         page_table.insert(btf, page, pages.grid.address(slot));
+        self.placed.push((btf, page));
     }
 
     /// Takes a page out of the page table.
@@ -185,8 +193,13 @@ impl Renderer {
         self.materials.page_table.set_column(btf, group, None);
     }
 
-    /// Writes what has changed in the page table.
-    pub fn flush(&mut self) {
+    /// Writes what has changed in the page table, and stitches the borders between the pages placed since the last
+    /// time and all that are resident. Returns how many texels that took: at most [`MOST_INTO`] + [`MOST_OUT`] a page
+    /// placed.
+    ///
+    /// [`MOST_INTO`]: super::borders::MOST_INTO
+    /// [`MOST_OUT`]: super::borders::MOST_OUT
+    pub fn flush(&mut self) -> u64 {
         let Materials {
             page_table,
             page_table_buffer,
@@ -196,6 +209,29 @@ impl Renderer {
         page_table.flush(|first, entries| {
             queue.write_buffer(page_table_buffer, first as u64 * 4, bytemuck::cast_slice(entries));
         });
+        let strips = stitch::strips(page_table, std::mem::take(&mut self.placed));
+        let timers = self.timers.as_mut();
+        self.passes
+            .stitch
+            .run(&self.context, &self.groups.stitch, &strips, timers)
+    }
+
+    /// A resident page as it lies in the cache, `[y][x]` with its border. Waits.
+    ///
+    /// # Errors
+    /// [`Error::Adapter`] if the device has failed.
+    pub fn page(&self, btf: usize, page: PageId) -> Result<Option<Page>> {
+        let Materials {
+            pages, page_table, ..
+        } = &self.materials;
+        let address = page_table.page(btf, page);
+        address
+            .map(|address| {
+                Ok(Page {
+                    texels: pages.read(&self.context, address)?,
+                })
+            })
+            .transpose()
     }
 
     /// Draws ids for a camera, if there is one, and asks for votes, if so told. Returns whether votes will come:

@@ -12,6 +12,7 @@ use super::{
     page_cache::PageCache,
     page_table::{PageTable, Region},
     shade::Shade,
+    stitch::{Stitch, StitchGroups},
     targets::Targets,
     tonemap::Tonemap,
     visibility::Visibility,
@@ -38,6 +39,7 @@ pub(super) struct Passes {
     pub(super) feedback: Feedback,
     pub(super) shade: Shade,
     pub(super) tonemap: Tonemap,
+    pub(super) stitch: Stitch,
 }
 
 /// What depends on the BTFs that are known.
@@ -59,6 +61,7 @@ pub(super) struct Groups {
     pub(super) feedback: wgpu::BindGroup,
     pub(super) shade: wgpu::BindGroup,
     pub(super) tonemap: wgpu::BindGroup,
+    pub(super) stitch: StitchGroups,
 }
 
 impl Passes {
@@ -82,6 +85,7 @@ impl Passes {
             feedback: Feedback::new(context, &scene, &caches)?,
             shade: Shade::new(context, &scene, &caches)?,
             tonemap: Tonemap::new(context, &scene, &caches)?,
+            stitch: Stitch::new(context)?,
             scene,
             caches,
         })
@@ -158,6 +162,7 @@ impl Groups {
             feedback: passes.feedback.bind(context, targets),
             shade: passes.shade.bind(context, targets),
             tonemap: passes.tonemap.bind(context, targets),
+            stitch: passes.stitch.bind(context, &materials.pages),
         }
     }
 }

@@ -81,12 +81,13 @@ impl Targets {
     }
 }
 
-/// An array of textures of width, height, layers, to be filled piece by piece.
+/// An array of textures of width, height, layers, to be filled piece by piece, and for what else it is used.
 pub(super) fn layers(
     context: &Context,
     label: &str,
     format: wgpu::TextureFormat,
     (width, height, layers): (u32, u32, u32),
+    usage: wgpu::TextureUsages,
 ) -> wgpu::Texture {
     context.device.create_texture(&wgpu::TextureDescriptor {
         label: Some(label),
@@ -99,7 +100,7 @@ pub(super) fn layers(
         sample_count: 1,
         dimension: wgpu::TextureDimension::D2,
         format,
-        usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
+        usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST | usage,
         view_formats: &[],
     })
 }

@@ -20,6 +20,8 @@ pub struct GpuMilliseconds {
     pub shade: f64,
     /// Tone mapping.
     pub tonemap: f64,
+    /// Stitching borders.
+    pub stitch: f64,
 }
 
 /// A pass that is timed, by the index of its first timestamp.
@@ -29,9 +31,10 @@ pub(super) enum Pass {
     Feedback = 2,
     Shade = 4,
     Tonemap = 6,
+    Stitch = 8,
 }
 
-const TIMESTAMPS: u32 = 8;
+const TIMESTAMPS: u32 = 10;
 const BYTES: u64 = TIMESTAMPS as u64 * 8;
 /// Each pass is resolved to a place of its own.
 const RESOLVED_BYTES: u64 = TIMESTAMPS as u64 / 2 * wgpu::QUERY_RESOLVE_BUFFER_ALIGNMENT;
@@ -100,6 +103,21 @@ impl Timers {
         }
     }
 
+    /// Of a pass that takes several rounds: from the beginning of the first to the end of the last.
+    pub(super) fn round(
+        &mut self,
+        pass: Pass,
+        first: bool,
+        last: bool,
+    ) -> Option<wgpu::ComputePassTimestampWrites<'_>> {
+        self.ran[pass as usize] = true;
+        (first || last).then_some(wgpu::ComputePassTimestampWrites {
+            query_set: &self.queries,
+            beginning_of_pass_write_index: first.then_some(pass as u32),
+            end_of_pass_write_index: last.then_some(pass as u32 + 1),
+        })
+    }
+
     /// After the frame's last pass. Returns whether [`Timers::map`] is to be called after submission.
     pub(super) fn resolve(&mut self, encoder: &mut wgpu::CommandEncoder) -> bool {
         let ran = std::mem::take(&mut self.ran);
@@ -146,6 +164,7 @@ impl Timers {
                 feedback: pass(Pass::Feedback),
                 shade: pass(Pass::Shade),
                 tonemap: pass(Pass::Tonemap),
+                stitch: pass(Pass::Stitch),
             }
         });
         self.staging.unmap();

@@ -1,7 +1,7 @@
 //! A BTF from the decoded factors of an archive.
 
 use half::f16;
-use tileset::{Archive, Direction, GROUP_COMPONENTS, Page, PageId, ReadAt, SLOT_TEXELS, Tile, codec};
+use tileset::{Archive, Direction, GROUP_COMPONENTS, Page, PageId, ReadAt, SLOT_TEXELS, Tile};
 
 use super::{Footprint, Reflectance, reflectance::taps};
 use crate::{
@@ -179,7 +179,7 @@ fn decode_group<R: ReadAt>(
         let parent = pyramid
             .parent(tile)
             .and_then(|parent| decoded.get(pyramid.tile_index(parent)? as usize));
-        let page = codec::decode_page(archive.index.manifest.codec, pyramid, id, &bytes, parent)?;
+        let page = archive.index.decoder.page(id, &bytes, parent)?;
         let Tile { mip, x, y } = tile;
         if tile == pyramid.root() {
             for mip in mip..pyramid.mip_count() {
@@ -224,7 +224,10 @@ fn decode_abrdfs<R: ReadAt>(archive: &Archive<R>, components: usize) -> Result<V
     let weights = Triangulation::new(&manifest.lights).ambient_weights(&manifest.lights, manifest.cosine);
     let mut abrdfs = vec![0f32; views * (lights + 1) * stride];
     for group in 0..manifest.groups() as u16 {
-        let column = codec::decode_column(manifest, group, &archive.read_column(group)?)?;
+        let column = archive
+            .index
+            .decoder
+            .column(group, &archive.read_column(group)?)?;
         for (at, values) in column.texels.iter().enumerate() {
             let (view, light, colour) = (at / 3 / lights, at / 3 % lights, at % 3);
             let to = (view * (lights + 1) + light) * stride

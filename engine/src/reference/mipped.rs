@@ -29,7 +29,7 @@ pub trait Samples: Sync {
 
 /// Samples with mips, made when they are asked for.
 ///
-/// Coarser mips are area-weighted box averages, the same as those of archives ([`MipImage::downsample`]).
+/// Coarser mips are the same as those of archives: see [`MipImage::downsample`].
 /// They are made for whole images (one view and light) and kept as f32, the most recently used ones up to a
 /// number of bytes; so is, for each view, the image under uniform light.
 pub struct Mipped<S> {

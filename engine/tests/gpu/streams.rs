@@ -35,6 +35,7 @@ fn a_settled_view_does_nothing() {
             (stats.added, stats.swapped, stats.wire_bytes, stats.in_flight),
             (0, 0, 0, 0)
         );
+        assert_eq!(stats.texels_stitched, 0);
     }
     assert_eq!(engine.counters().draws_skipped, before.draws_skipped + 20);
     assert_eq!(engine.counters().feedback_skipped, before.feedback_skipped + 20);

@@ -1,9 +1,9 @@
-//! One group of four components: its pages from coarse to fine, and its column.
+//! One group of four components: its mips, and its pages as a decoder will see them.
 
 use std::collections::HashMap;
 
-use half::f16;
-use tileset::codec::{MipImage, encode_column, encode_page};
+use tileset::codec::pyramid_dct::{PageTables, Statistics, code_group, count_group};
+use tileset::codec::{Decoder, MipImage};
 use tileset::{Column, GROUP_COMPONENTS, Manifest, Page, PageId, Pyramid, Result, Tile};
 
 use super::Finest;
@@ -24,90 +24,96 @@ pub(super) struct GroupRecords {
     /// Mean square of the group's eigen-textures, in squared units of reflectance.
     pub(super) column_weight: f64,
     pub(super) finest: Finest,
+    pub(super) abrdfs: Column,
 }
 
-/// Codes one group. Components beyond the rank are zero.
-pub(super) fn encode(material: &Material<'_>, group: u16) -> Result<GroupRecords> {
-    let Material {
-        manifest, pyramid, ..
-    } = material;
-    let finest = finest_mip(material, group);
-    let sum_of_squares: f64 = finest
-        .texels
-        .iter()
-        .flatten()
-        .map(|&value| f64::from(value).powi(2))
-        .sum();
-    let squared_scale = manifest.texture_scale.powi(2);
-    let column_weight = sum_of_squares / finest.texels.len() as f64 * squared_scale;
-
-    let mut mips = vec![finest];
-    for _ in 0..pyramid.tail_mip() {
-        mips.push(mips[mips.len() - 1].downsample(manifest.wrap));
+impl Material<'_> {
+    /// Counts a group's levels for the tables to be; `None` in the first round.
+    pub(super) fn count(&self, group: u16, tables: Option<&PageTables>) -> Result<Statistics> {
+        let of = (group, self.manifest.groups());
+        count_group(
+            self.manifest.codec.step(),
+            &self.pyramid,
+            of,
+            &self.mips(group),
+            tables,
+        )
     }
-    let mut records = GroupRecords {
-        pages: Vec::with_capacity(pyramid.tile_count() as usize),
-        column: encode_column(&column(material, group))?,
-        column_weight,
-        finest: Finest::new(pyramid),
-    };
-    // Coarse to fine; of the decoded pages only those of the next coarser mip are kept.
-    let mut parents: HashMap<Tile, Page> = HashMap::new();
-    let mut mip = pyramid.tail_mip();
-    while let Some(image) = mips.pop() {
-        let (columns, rows) = pyramid.grid(mip);
-        let mut decoded = HashMap::with_capacity((columns * rows) as usize);
-        for (x, y) in (0..rows as u16).flat_map(|y| (0..columns as u16).map(move |x| (x, y))) {
-            let tile = Tile { mip, x, y };
-            let parent = pyramid.parent(tile).and_then(|parent| parents.get(&parent));
-            let page = encode_page(manifest.codec, pyramid, tile, &image, parent)?;
-            records.finest.put(pyramid, tile, &page.decoded);
-            records
-                .pages
-                .push((PageId { group, tile }, page.bytes, page.weight * squared_scale));
-            decoded.insert(tile, page.decoded);
+
+    /// Codes a group's pages and decodes them again. Components beyond the rank are zero.
+    pub(super) fn encode(
+        &self,
+        group: u16,
+        tables: &PageTables,
+        decoder: &Decoder,
+        column: Vec<u8>,
+    ) -> Result<GroupRecords> {
+        let mips = self.mips(group);
+        let squared_scale = self.manifest.texture_scale.powi(2);
+        let squares = mips[0]
+            .texels
+            .as_flattened()
+            .iter()
+            .map(|&value| f64::from(value).powi(2));
+        let column_weight = squares.sum::<f64>() / mips[0].texels.len() as f64 * squared_scale;
+
+        let coded = code_group(self.manifest.codec.step(), &self.pyramid, group, &mips, tables)?;
+        let mut finest = Finest::new(&self.pyramid);
+        let mut pages = Vec::with_capacity(coded.len());
+        // Coarse to fine; of the decoded pages only those of two mips are kept.
+        let mut decoded: HashMap<Tile, Page> = HashMap::new();
+        for page in coded {
+            let (tile, id) = (
+                page.tile,
+                PageId {
+                    group,
+                    tile: page.tile,
+                },
+            );
+            let parent = self.pyramid.parent(tile).and_then(|parent| decoded.get(&parent));
+            let texels = decoder.page(id, &page.bytes, parent)?;
+            finest.put(&self.pyramid, tile, &texels);
+            if tile.mip > 0 {
+                decoded.retain(|kept, _| kept.mip <= tile.mip + 1);
+                decoded.insert(tile, texels);
+            }
+            pages.push((id, page.bytes, page.weight * squared_scale));
         }
-        parents = decoded;
-        mip = mip.saturating_sub(1);
+        Ok(GroupRecords {
+            pages,
+            abrdfs: decoder.column(group, &column)?,
+            column,
+            column_weight,
+            finest,
+        })
     }
-    Ok(records)
-}
 
-/// The group's eigen-textures, scaled as they are stored.
-fn finest_mip(material: &Material<'_>, group: u16) -> MipImage {
-    let Material {
-        factors, manifest, ..
-    } = material;
-    let mut texels = vec![[0f32; 4]; factors.columns];
-    let inverse_scale = manifest.texture_scale.recip() as f32;
-    for (channel, component) in components(factors, group) {
-        let texture = &factors.v[component * factors.columns..][..factors.columns];
-        for (texel, &value) in texels.iter_mut().zip(texture) {
-            texel[channel] = value * inverse_scale;
+    /// The group's eigen-textures, scaled as they are stored, down to the tail.
+    fn mips(&self, group: u16) -> Vec<MipImage> {
+        let mut mips = vec![self.finest_mip(group)];
+        for _ in 0..self.pyramid.tail_mip() {
+            mips.push(mips[mips.len() - 1].downsample(self.manifest.wrap));
+        }
+        mips
+    }
+
+    fn finest_mip(&self, group: u16) -> MipImage {
+        let Material {
+            factors, manifest, ..
+        } = self;
+        let mut texels = vec![[0f32; 4]; factors.columns];
+        let inverse_scale = manifest.texture_scale.recip() as f32;
+        let first = usize::from(group) * GROUP_COMPONENTS;
+        for (channel, component) in (0..GROUP_COMPONENTS).zip(first..factors.components) {
+            let texture = &factors.v[component * factors.columns..][..factors.columns];
+            for (texel, &value) in texels.iter_mut().zip(texture) {
+                texel[channel] = value * inverse_scale;
+            }
+        }
+        MipImage {
+            width: manifest.width,
+            height: manifest.height,
+            texels,
         }
     }
-    MipImage {
-        width: manifest.width,
-        height: manifest.height,
-        texels,
-    }
-}
-
-/// The group's eigen-ABRDFs, rounded to half floats.
-fn column(material: &Material<'_>, group: u16) -> Column {
-    let factors = material.factors;
-    let mut texels = vec![[f16::ZERO; 4]; factors.rows];
-    for (channel, component) in components(factors, group) {
-        let abrdf = &factors.u[component * factors.rows..][..factors.rows];
-        for (texel, &value) in texels.iter_mut().zip(abrdf) {
-            texel[channel] = f16::from_f32(value);
-        }
-    }
-    Column { texels }
-}
-
-/// The channels and components of a group that exist.
-fn components(factors: &Factors, group: u16) -> impl Iterator<Item = (usize, usize)> + use<> {
-    let first = usize::from(group) * GROUP_COMPONENTS;
-    (0..GROUP_COMPONENTS).zip(first..factors.components)
 }

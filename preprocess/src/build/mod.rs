@@ -14,12 +14,16 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use rayon::prelude::*;
 use serde::Serialize;
-use tileset::{ArchiveWriter, Codec, Factorization, GROUP_COMPONENTS, Ledger, Manifest};
+use tileset::codec::columns::encode_columns;
+use tileset::codec::pyramid_dct::Statistics;
+use tileset::codec::{Decoder, column_steps, tables_bytes};
+use tileset::{ArchiveWriter, Codec, Factorization, GROUP_COMPONENTS, Ledger, Manifest, Pyramid};
 
 use crate::output::AtomicFile;
 use crate::progress::{Phase, Progress, ProgressFn};
 use crate::{Btf, Error, Factors, Result};
 use group::{GroupRecords, Material};
+use loss::{Product, Sizes};
 
 /// Quantizer step in root mean squares of the BTF where the user gives none.
 pub const DEFAULT_QUALITY: f64 = 0.02;
@@ -42,7 +46,7 @@ pub struct ArchiveBytes {
     pub page_bytes: u64,
     /// All eigen-ABRDF columns.
     pub column_bytes: u64,
-    /// Header, manifest and directory.
+    /// Header, manifest, tables of the codec and directory.
     pub manifest_bytes: u64,
     /// Pages of all groups and mips.
     pub pages: u64,
@@ -80,6 +84,7 @@ pub fn build(
 /// An archive in memory: coded and measured, not yet written.
 pub struct Encoded {
     manifest: Manifest,
+    tables: Vec<u8>,
     groups: Vec<GroupRecords>,
     seconds: [f64; 2],
 }
@@ -95,12 +100,13 @@ pub fn encode(btf: &Btf, factors: &Factors, quality: f64, progress: ProgressFn<'
     let mut manifest = manifest(btf, factors, quality);
     manifest.validate().map_err(Error::archive(path))?;
     let began = std::time::Instant::now();
-    let groups = encode_groups(factors, &manifest, progress).map_err(Error::archive(path))?;
+    let (tables, groups) = encode_groups(factors, &manifest, progress).map_err(Error::archive(path))?;
     let encoded = began.elapsed().as_secs_f64();
     manifest.errors = ledger(factors, manifest.texture_scale, &groups);
     let measured = began.elapsed().as_secs_f64();
     Ok(Encoded {
         manifest,
+        tables,
         groups,
         seconds: [encoded, measured - encoded],
     })
@@ -126,7 +132,7 @@ impl Encoded {
     /// [`Error::Archive`], [`Error::Io`]. The file is complete or not there.
     pub fn write(self, path: &Path) -> Result<Built> {
         let began = std::time::Instant::now();
-        let bytes = write(&self.manifest, self.groups, path)?;
+        let bytes = write(&self.manifest, self.tables, self.groups, path)?;
         let [encode, measure] = self.seconds;
         Ok(Built {
             manifest: self.manifest,
@@ -170,6 +176,8 @@ fn manifest(btf: &Btf, factors: &Factors, quality: f64) -> Manifest {
         .fold(0f32, |largest, value| largest.max(value.abs()))
         .into();
     let texture_scale = texture_scale(largest);
+    let tail_mip =
+        Pyramid::new(btf.width(), btf.height(), btf.wrap()).map_or(0, |pyramid| pyramid.tail_mip());
     let btf_rms = factors.btf_rms();
     let scale = (factors.rows as f64 * factors.columns as f64).sqrt();
     Manifest {
@@ -183,8 +191,12 @@ fn manifest(btf: &Btf, factors: &Factors, quality: f64) -> Manifest {
         lights: btf.lights().to_vec(),
         components: factors.components as u32,
         factorization: Factorization::Fmf,
-        codec: Codec::DctDeltaZstd {
-            step: quantizer_step(quality * btf_rms / texture_scale, largest / texture_scale),
+        codec: Codec::PyramidDct {
+            step: quantizer_step(
+                quality * btf_rms / texture_scale,
+                largest / texture_scale,
+                tail_mip,
+            ),
         },
         texture_scale,
         mean_rgb: factors.mean_rgb,
@@ -219,66 +231,142 @@ fn texture_scale(largest: f64) -> f64 {
         .exp2()
 }
 
-/// The step in units of the scaled textures, no finer than the codec can count and half floats can tell:
-/// a coefficient of an 8×8 DCT of differences is at most 16 times the largest value, and 2²² steps are accepted.
-fn quantizer_step(wanted: f64, largest: f64) -> f64 {
-    wanted.max(largest * 16.0 / f64::from(1 << 22)).clamp(1e-6, 1e6)
+/// The step in units of the scaled textures, no finer than the codec can count: a coefficient of a 16×16 DCT is at most
+/// 16 times the largest value, the step of the coarsest mip 2^`tail_mip` times finer, and 2²⁸ steps are accepted.
+fn quantizer_step(wanted: f64, largest: f64, tail_mip: u8) -> f64 {
+    let finest = largest * 16.0 * f64::from(tail_mip).exp2() / f64::from(1 << 28);
+    wanted.max(finest).clamp(1e-6, 1e6)
 }
 
+/// Rounds of counting before the tables of the page codec are as good as settled: frequencies, models for plain
+/// rounding, models for the levels that these models make best.
+const COUNTING_ROUNDS: u32 = 3;
+/// Samples of eigen-textures that a round counts at least; beyond them groups are left out.
+const COUNTED_SAMPLES: usize = 1 << 25;
+/// Of so many groups one is counted at least.
+const LARGEST_STRIDE: usize = 4;
+
+/// Codes all columns and pages; returns the tables that they share, as bytes.
 fn encode_groups(
     factors: &Factors,
     manifest: &Manifest,
     progress: ProgressFn<'_>,
-) -> tileset::Result<Vec<GroupRecords>> {
+) -> tileset::Result<(Vec<u8>, Vec<GroupRecords>)> {
     let material = Material {
         factors,
         manifest,
         pyramid: manifest.pyramid()?,
     };
-    let (total, done) = (u64::from(manifest.groups()), AtomicU64::new(0));
-    progress(Progress {
-        phase: Phase::Encoding,
-        done: 0,
-        total,
-    });
-    (0..manifest.groups() as u16)
+    let groups = manifest.groups() as u16;
+    let stride = (factors.columns * factors.components / COUNTED_SAMPLES).clamp(1, LARGEST_STRIDE);
+    let counted: Vec<u16> = (0..groups).step_by(stride).collect();
+    let total = u64::from(COUNTING_ROUNDS) * counted.len() as u64 + u64::from(groups);
+    let done = AtomicU64::new(0);
+    let report = || {
+        progress(Progress {
+            phase: Phase::Encoding,
+            done: done.fetch_add(1, Ordering::Relaxed) + 1,
+            total,
+        });
+    };
+
+    let columns = encode_columns(
+        &manifest.views,
+        &manifest.lights,
+        &factors.u,
+        &column_steps(manifest),
+    )?;
+    let mut pages = None;
+    for _ in 0..COUNTING_ROUNDS {
+        let sums = counted
+            .par_iter()
+            .map(|&group| {
+                let statistics = material.count(group, pages.as_ref());
+                report();
+                statistics.map(Some)
+            })
+            .try_reduce(|| None, |a, b| Ok(merge(a, b)))?;
+        pages = sums.map(|sums| sums.tables());
+    }
+    let pages = pages.expect("an archive has a group");
+    let tables = tables_bytes(&pages, &columns.tables)?;
+    let decoder = Decoder::new(manifest, &tables)?;
+    let records = columns
+        .records
         .into_par_iter()
-        .map(|group| {
-            let records = group::encode(&material, group)?;
-            let done = done.fetch_add(1, Ordering::Relaxed) + 1;
-            progress(Progress {
-                phase: Phase::Encoding,
-                done,
-                total,
-            });
-            Ok(records)
+        .enumerate()
+        .map(|(group, column)| {
+            let records = material.encode(group as u16, &pages, &decoder, column);
+            report();
+            records
         })
-        .collect()
+        .collect::<tileset::Result<_>>()?;
+    Ok((tables, records))
+}
+
+fn merge(a: Option<Statistics>, b: Option<Statistics>) -> Option<Statistics> {
+    match (a, b) {
+        (Some(mut a), Some(b)) => {
+            a.add(&b);
+            Some(a)
+        }
+        (a, b) => a.or(b),
+    }
 }
 
 /// What each step lost, measured on the factors: the squares add up to the loss of all of them.
 fn ledger(factors: &Factors, texture_scale: f64, groups: &[GroupRecords]) -> Ledger {
     let scale = texture_scale as f32;
     let rounded = |value: f32| half::f16::from_f32(value / scale).to_f32() * scale;
-    let half_loss = loss::mean_square(factors, |component, texel| {
-        rounded(factors.v[component * factors.columns + texel])
-    });
-    let all_loss = loss::mean_square(factors, |component, texel| {
-        let group = &groups[component / GROUP_COMPONENTS];
-        group.finest.texels[texel][component % GROUP_COMPONENTS].to_f32() * scale
-    });
+    let sizes = Sizes {
+        rows: factors.rows,
+        columns: factors.columns,
+        components: factors.components,
+    };
+    let exact = Product {
+        abrdf: |component: usize, row: usize| factors.u[component * factors.rows + row],
+        texture: |component: usize, texel: usize| factors.v[component * factors.columns + texel],
+    };
+    let halves = Product {
+        abrdf: |component: usize, row: usize| half::f16::from_f32((exact.abrdf)(component, row)).to_f32(),
+        texture: |component: usize, texel: usize| rounded((exact.texture)(component, texel)),
+    };
+    let place = |component: usize| {
+        (
+            &groups[component / GROUP_COMPONENTS],
+            component % GROUP_COMPONENTS,
+        )
+    };
+    let decoded = Product {
+        abrdf: |component: usize, row: usize| {
+            let (group, channel) = place(component);
+            group.abrdfs.texels[row][channel].to_f32()
+        },
+        texture: |component: usize, texel: usize| {
+            let (group, channel) = place(component);
+            group.finest.texels[texel][channel].to_f32() * scale
+        },
+    };
     Ledger {
         btf_rms: factors.btf_rms(),
         rank_rms: factors.rank_rms(),
-        half_rms: half_loss.sqrt(),
-        codec_rms: (all_loss - half_loss).max(0.0).sqrt(),
+        half_rms: loss::mean_square(sizes, &exact, &halves).sqrt(),
+        codec_rms: loss::mean_square(sizes, &halves, &decoded).sqrt(),
+        measured_rms: factors
+            .rank_rms()
+            .hypot(loss::mean_square(sizes, &exact, &decoded).sqrt()),
     }
 }
 
 /// Writes the archive under a temporary name and renames it.
-fn write(manifest: &Manifest, groups: Vec<GroupRecords>, path: &Path) -> Result<ArchiveBytes> {
+fn write(
+    manifest: &Manifest,
+    tables: Vec<u8>,
+    groups: Vec<GroupRecords>,
+    path: &Path,
+) -> Result<ArchiveBytes> {
     let mut bytes = ArchiveBytes::default();
-    let mut writer = ArchiveWriter::new(manifest.clone()).map_err(Error::archive(path))?;
+    let mut writer = ArchiveWriter::with_tables(manifest.clone(), tables).map_err(Error::archive(path))?;
     for (group, records) in groups.into_iter().enumerate() {
         bytes.column_bytes += records.column.len() as u64;
         writer

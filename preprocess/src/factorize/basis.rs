@@ -10,7 +10,7 @@
 //! from the span of the others by less than about rows·ε, 0.4 % at 65,536 rows, and drops them.
 
 use faer::linalg::matmul::matmul;
-use faer::{Accum, Mat, Par, Side};
+use faer::{Accum, Mat, MatMut, MatRef, Par, Side};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use rayon::prelude::*;
@@ -29,6 +29,8 @@ const SHORTEST_COLUMN: f64 = 1e-30;
 const MAX_SWEEPS: u32 = 12;
 /// Rows multiplied at a time.
 const PANEL_ROWS: usize = 1024;
+/// Tasks that sum up products of two blocks at most: bounds the memory of their sums.
+const CROSS_TASKS: usize = 16;
 
 /// A random `rows` × `columns` matrix of independent, uniform entries, the vectors along its longer side of about
 /// unit length; the same on every platform.
@@ -87,6 +89,43 @@ pub(super) fn orthonormal_rows(mut z: Mat<f32>, seed: u64) -> Result<Mat<f32>> {
         }
     }
     Err(Error::NotConverged("orthonormalization"))
+}
+
+/// QᵀZ for `q` = Qᵀ: products in f32, their sums in f64.
+pub(super) fn cross(q: MatRef<'_, f32>, z: MatRef<'_, f32>) -> Mat<f64> {
+    let (rows, columns, width) = (z.nrows(), z.ncols(), q.nrows());
+    let task_rows = rows.div_ceil(CROSS_TASKS).next_multiple_of(PANEL_ROWS);
+    let sums: Vec<Mat<f64>> = (0..rows.div_ceil(task_rows))
+        .into_par_iter()
+        .map(|task| {
+            let mut sum = Mat::<f64>::zeros(width, columns);
+            let mut part = Mat::<f32>::zeros(width, columns);
+            let end = rows.min((task + 1) * task_rows);
+            for start in (task * task_rows..end).step_by(PANEL_ROWS) {
+                let count = PANEL_ROWS.min(end - start);
+                let (q, z) = (q.subcols(start, count), z.subrows(start, count));
+                matmul(part.as_mut(), Accum::Replace, q, z, 1.0, Par::Seq);
+                sum += Mat::<f64>::from_fn(width, columns, |i, j| part[(i, j)].into());
+            }
+            sum
+        })
+        .collect();
+    let sum = sums.into_iter().reduce(|a, b| a + b);
+    sum.unwrap_or_else(|| Mat::zeros(width, columns))
+}
+
+/// Z ← Z − Q·(QᵀZ), for `q` = Qᵀ.
+pub(super) fn remove_span(mut z: MatMut<'_, f32>, q: MatRef<'_, f32>) {
+    let (columns, width) = (z.ncols(), q.nrows());
+    let sum = cross(q, z.as_ref());
+    let coefficients = Mat::<f32>::from_fn(width, columns, |i, j| sum[(i, j)] as f32);
+    z.as_mut()
+        .par_row_chunks_mut(PANEL_ROWS)
+        .enumerate()
+        .for_each(|(index, z)| {
+            let q = q.subcols(index * PANEL_ROWS, z.nrows()).transpose();
+            matmul(z, Accum::Add, q, coefficients.as_ref(), -1.0, Par::Seq);
+        });
 }
 
 /// L⁻ᵀ for G = L·Lᵀ: what makes columns with the Gram matrix G orthonormal.

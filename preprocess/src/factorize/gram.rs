@@ -8,8 +8,9 @@ use rayon::prelude::*;
 
 /// Rows converted to f64 at a time: few enough to stay in the cache.
 const BLOCK_ROWS: usize = 512;
-/// Blocks summed by one task: few enough tasks that their sums take no memory worth counting.
+/// Tasks at most, and bytes of all their sums.
 const MAX_TASKS: usize = 32;
+const SUM_BYTES: usize = 64 << 20;
 
 /// XᵀX for the `rows` × `columns` matrix X, which `fill` writes piece by piece: it gets a range of rows and a
 /// matrix of that many rows. Summed in an order that does not depend on the number of threads.
@@ -18,7 +19,8 @@ pub(crate) fn gram(
     columns: usize,
     fill: impl Fn(Range<usize>, MatMut<'_, f64>) + Sync,
 ) -> Mat<f64> {
-    let task_rows = rows.div_ceil(MAX_TASKS).next_multiple_of(BLOCK_ROWS);
+    let tasks = (SUM_BYTES / (8 * columns * columns).max(1)).clamp(2, MAX_TASKS);
+    let task_rows = rows.div_ceil(tasks).next_multiple_of(BLOCK_ROWS);
     let sums: Vec<Mat<f64>> = (0..rows.div_ceil(task_rows))
         .into_par_iter()
         .map(|task| {

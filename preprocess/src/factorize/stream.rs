@@ -19,7 +19,7 @@ use crate::{Btf, Result};
 
 /// Rows and texels converted at a time. As f32 they take 1 MiB, a second-level cache; as halves each row is one page
 /// of memory, so that reading them is not a search for pages.
-const PANEL_ROWS: usize = 128;
+pub(super) const PANEL_ROWS: usize = 128;
 const PANEL_TEXELS: usize = 2048;
 /// Distance of rows in scratch memory beyond their length: rows whole powers of two apart share cache sets.
 const PADDING: usize = 16;
@@ -30,19 +30,56 @@ const MAX_TASKS: usize = 64;
 pub(super) const SCRATCH_BYTES: usize = PANEL_ROWS * (PANEL_TEXELS + PADDING) * size_of::<f32>();
 
 /// What is summed over all samples while they are read for the first time.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Totals {
-    /// Sum of squares, ‖B‖².
-    pub(super) energy: f64,
+    /// Sum of squares of each row; as long as rows were read.
+    pub(super) energies: Vec<f64>,
     /// Sums of the red, green and blue samples.
     pub(super) sums: [f64; 3],
 }
 
 impl Totals {
-    pub(super) fn add(&mut self, other: Totals) {
-        self.energy += other.energy;
+    /// Totals of rows of zeros.
+    fn zero(rows: usize) -> Self {
+        Self {
+            energies: vec![0.0; rows],
+            sums: [0.0; 3],
+        }
+    }
+
+    /// ‖B‖².
+    pub(super) fn energy(&self) -> f64 {
+        self.energies.iter().sum()
+    }
+
+    /// ‖D·B‖² for D = diag(√w).
+    pub(super) fn weighted_energy(&self, weights: &[f32]) -> f64 {
+        weigh(&self.energies, weights)
+    }
+
+    /// The same sums over samples `scale` times as large.
+    pub(super) fn multiply(&mut self, scale: f64) {
+        self.energies
+            .iter_mut()
+            .for_each(|energy| *energy *= scale * scale);
+        self.sums.iter_mut().for_each(|sum| *sum *= scale);
+    }
+
+    /// Adds what was summed over other texels of the same rows.
+    fn add(&mut self, other: &Totals) {
+        for (sum, other) in self.energies.iter_mut().zip(&other.energies) {
+            *sum += other;
+        }
         for (sum, other) in self.sums.iter_mut().zip(other.sums) {
             *sum += other;
+        }
+    }
+
+    /// Appends what was summed over the rows that follow.
+    pub(super) fn append(&mut self, next: Totals) {
+        self.energies.extend(next.energies);
+        for (sum, next) in self.sums.iter_mut().zip(next.sums) {
+            *sum += next;
         }
     }
 }
@@ -51,15 +88,32 @@ impl Totals {
 pub(super) struct Block<'a> {
     /// Which rows of the matrix.
     pub(super) rows: Range<usize>,
-    /// Whether these samples are read for the first time and must be summed.
-    pub(super) first_time: bool,
+    btf: &'a Btf,
     columns: usize,
     samples: Samples<'a>,
+    /// Power of two that samples are multiplied by.
+    scale: f32,
     /// Time that threads spent on conversion, all together.
     read_nanoseconds: &'a AtomicU64,
 }
 
 impl Block<'_> {
+    /// Checks the samples that gave these totals.
+    ///
+    /// # Errors
+    /// [`crate::Error::BadSample`] for the first sample that is not finite or too large.
+    pub(super) fn check(&self, totals: &Totals) -> Result<()> {
+        // A NaN or infinity anywhere makes the sum of squares one, and a sample above the limit makes it exceed the
+        // limit's square.
+        let energy = totals.energy();
+        if energy.is_finite() && energy <= MAX_SAMPLE * MAX_SAMPLE {
+            return Ok(());
+        }
+        self.btf
+            .bad_sample(self.rows.start / 3, &self.samples)
+            .map_or(Ok(()), Err)
+    }
+
     /// Splits the texels into tasks, which run on all threads; their results come in the order of the texels.
     /// The split depends only on the number of texels, so that sums have the same bits on every machine.
     pub(super) fn tasks<T: Send>(&self, work: impl Fn(Range<usize>) -> T + Sync) -> Vec<T> {
@@ -83,6 +137,9 @@ impl Block<'_> {
                 for (row, out) in scratch.chunks_exact_mut(stride).enumerate().take(rows) {
                     let from = (first_row + row) * self.columns + start;
                     self.samples.slice(from..from + texels).to_f32(&mut out[..texels]);
+                    if self.scale != 1.0 {
+                        out[..texels].iter_mut().for_each(|sample| *sample *= self.scale);
+                    }
                 }
                 self.read_nanoseconds
                     .fetch_add(began.elapsed().as_nanos() as u64, Ordering::Relaxed);
@@ -95,16 +152,26 @@ impl Block<'_> {
         }
     }
 
-    /// Sums over a panel of this block.
-    pub(super) fn totals(&self, first_row: usize, panel: MatMut<'_, f32>) -> Totals {
-        let mut totals = Totals::default();
+    /// Sums over the whole block, from those of its tasks.
+    pub(super) fn sum_of<'t>(&self, tasks: impl IntoIterator<Item = &'t Totals>) -> Totals {
+        let mut sum = Totals::zero(self.rows.len());
+        tasks.into_iter().for_each(|totals| sum.add(totals));
+        sum
+    }
+
+    /// Nothing, for a task to start from.
+    pub(super) fn no_totals(&self) -> Totals {
+        Totals::zero(self.rows.len())
+    }
+
+    /// Adds the sums over a panel of this block.
+    pub(super) fn add_totals(&self, first_row: usize, panel: MatMut<'_, f32>, totals: &mut Totals) {
         for (index, row) in panel.as_ref().row_iter().enumerate() {
             let samples = row.try_as_row_major().map_or(&[][..], |row| row.as_slice());
             let (sum, energy) = sum_in_f64(samples);
-            totals.energy += energy;
+            totals.energies[first_row + index] += energy;
             totals.sums[(self.rows.start + first_row + index) % 3] += sum;
         }
-        totals
     }
 }
 
@@ -113,8 +180,8 @@ pub(super) struct Stream<'a> {
     btf: &'a Btf,
     block_rows: usize,
     progress: ProgressFn<'a>,
-    /// Known after the first pass.
-    totals: Option<Totals>,
+    /// Power of two that samples are multiplied by.
+    pub(super) scale: f32,
     pub(super) statistics: Statistics,
 }
 
@@ -128,7 +195,7 @@ impl<'a> Stream<'a> {
             btf,
             block_rows,
             progress,
-            totals: None,
+            scale: 1.0,
             statistics,
         }
     }
@@ -143,26 +210,21 @@ impl<'a> Stream<'a> {
         self.btf.columns()
     }
 
-    /// Counts the operations of `count` products of the whole matrix with `width` vectors.
-    pub(super) fn count_products(&mut self, count: u32, width: usize) {
-        let multiplications = self.rows() as f64 * self.columns() as f64 * width as f64;
-        self.statistics.product_flops += f64::from(count) * 2.0 * multiplications;
-    }
-
-    /// Sums over the whole BTF; zero before the first pass.
-    pub(super) fn totals(&self) -> Totals {
-        self.totals.unwrap_or_default()
-    }
-
-    /// One pass: `work` gets every block, and returns sums over it if it is there for the first time.
-    pub(super) fn pass(&mut self, phase: Phase, mut work: impl FnMut(&Block<'_>) -> Totals) -> Result<()> {
+    /// One pass over the rows from `first_row` on: `work` gets every block, in order.
+    ///
+    /// # Errors
+    /// Those of the format, and of `work`.
+    pub(super) fn pass(
+        &mut self,
+        phase: Phase,
+        first_row: usize,
+        mut work: impl FnMut(&Block<'_>) -> Result<()>,
+    ) -> Result<()> {
         let (rows, columns) = (self.rows(), self.columns());
-        let first_time = self.totals.is_none();
-        let mut totals = Totals::default();
         let mut buffer = Vec::new();
         let read_nanoseconds = AtomicU64::new(0);
         let began = Instant::now();
-        for start in (0..rows).step_by(self.block_rows) {
+        for start in (first_row..rows).step_by(self.block_rows) {
             let range = start..(start + self.block_rows).min(rows);
             (self.progress)(Progress {
                 phase,
@@ -172,25 +234,19 @@ impl<'a> Stream<'a> {
             let images = start / 3..range.end / 3;
             self.btf
                 .prefetch(images.end..(images.end + self.block_rows / 3).min(self.btf.image_count()));
+            let reading = Instant::now();
             let samples = self.btf.samples(images.clone(), &mut buffer)?;
-            let read_nanoseconds = &read_nanoseconds;
-            let sums = work(&Block {
+            // Decoding is on all threads or on one with nothing else to do: counted as if on all.
+            let nanoseconds = reading.elapsed().as_nanos() as u64 * rayon::current_num_threads() as u64;
+            read_nanoseconds.fetch_add(nanoseconds, Ordering::Relaxed);
+            work(&Block {
+                btf: self.btf,
                 rows: range.clone(),
-                first_time,
                 columns,
                 samples,
-                read_nanoseconds,
-            });
-            // A NaN or infinity anywhere makes the sum of squares one, and a sample above the limit makes it exceed
-            // the limit's square.
-            let suspicious = !sums.energy.is_finite() || sums.energy > MAX_SAMPLE * MAX_SAMPLE;
-            if first_time
-                && suspicious
-                && let Some(error) = self.btf.bad_sample(images.start, &samples)
-            {
-                return Err(error);
-            }
-            totals.add(sums);
+                scale: self.scale,
+                read_nanoseconds: &read_nanoseconds,
+            })?;
             self.btf.release(images);
             self.statistics.sample_memory();
         }
@@ -202,11 +258,23 @@ impl<'a> Stream<'a> {
         let read = read_nanoseconds.into_inner() as f64 * 1e-9 / rayon::current_num_threads() as f64;
         self.statistics.read_seconds += read;
         self.statistics.product_seconds += (began.elapsed().as_secs_f64() - read).max(0.0);
-        self.totals.get_or_insert(totals);
         self.statistics.passes += 1;
-        self.statistics.bytes_read += self.btf.stored_bytes();
+        self.statistics.bytes_read +=
+            (self.btf.stored_bytes() as f64 * (rows - first_row) as f64 / rows as f64) as u64;
+        self.statistics.resumed_rows += first_row as u64;
         Ok(())
     }
+
+    /// Counts the operations of products of the whole matrix with `width` vectors.
+    pub(super) fn count_products(&mut self, width: usize) {
+        self.statistics.product_flops += 2.0 * self.rows() as f64 * self.columns() as f64 * width as f64;
+    }
+}
+
+/// Σ w·e.
+pub(super) fn weigh(energies: &[f64], weights: &[f32]) -> f64 {
+    let pairs = energies.iter().zip(weights);
+    pairs.map(|(energy, &weight)| energy * f64::from(weight)).sum()
 }
 
 /// Texels of one task.

@@ -2,11 +2,36 @@
 //!
 //! Parsed by hand and with suspicion: nothing in it is believed before it is compared with the file's length.
 
+use std::io::Read;
+
 /// Longest accepted dictionary; numpy itself refuses more than 10,000 bytes.
 const MAX_DICTIONARY_BYTES: usize = 10_000;
 /// Most accepted axes.
 const MAX_AXES: usize = 32;
 const MAGIC: &[u8; 6] = b"\x93NUMPY";
+
+/// Reads the bytes of a header and no more of them than one may have, for [`Header::parse`].
+pub(super) fn read(reader: &mut impl Read) -> std::io::Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    let mut up_to = |length: usize, bytes: &mut Vec<u8>| -> std::io::Result<()> {
+        let more = length.saturating_sub(bytes.len()) as u64;
+        reader.by_ref().take(more).read_to_end(bytes).map(|_| ())
+    };
+    up_to(10, &mut bytes)?;
+    let length = match bytes[..] {
+        [.., 1, _, low, high] => 10 + usize::from(u16::from_le_bytes([low, high])),
+        [_, _, _, _, _, _, 2 | 3, ..] => {
+            up_to(12, &mut bytes)?;
+            let field = bytes.last_chunk().map_or(0, |field| u32::from_le_bytes(*field));
+            12 + field as usize
+        }
+        _ => 0,
+    };
+    if bytes.starts_with(MAGIC) {
+        up_to(length.min(12 + MAX_DICTIONARY_BYTES), &mut bytes)?;
+    }
+    Ok(bytes)
+}
 
 /// A parsed header.
 #[derive(Debug, PartialEq)]

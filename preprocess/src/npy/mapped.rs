@@ -335,6 +335,29 @@ impl Images for NpyBtf {
 
 /// Type and [views, lights, height, width] of an acceptable header, compared with the length of the file.
 fn check(header: &Header, file_bytes: usize) -> std::result::Result<(Dtype, [usize; 4]), String> {
+    let (dtype, shape) = check_shape(header)?;
+    let expected = shape.iter().product::<usize>() as u64 * 3 * dtype.bytes() as u64;
+    let found = (file_bytes - header.data_offset) as u64;
+    if found != expected {
+        return Err(format!(
+            "holds {found} bytes of samples, but shape {:?} of {:?} takes {expected}: the file is cut short or \
+             its header is wrong",
+            header.shape, header.descr
+        ));
+    }
+    if !header.data_offset.is_multiple_of(dtype.bytes()) {
+        return Err(format!(
+            "has its samples at byte {}, not a multiple of {}: save it again with numpy.save",
+            header.data_offset,
+            dtype.bytes()
+        ));
+    }
+    Ok((dtype, shape))
+}
+
+/// Type of the samples, and views, lights, height and width, all of them accepted: the bytes of all samples are less
+/// than 2⁶⁴.
+pub(super) fn check_shape(header: &Header) -> std::result::Result<(Dtype, [usize; 4]), String> {
     let dtype = match header.descr.as_str() {
         "<f2" => Dtype::F16,
         "<f4" => Dtype::F32,
@@ -375,30 +398,14 @@ fn check(header: &Header, file_bytes: usize) -> std::result::Result<(Dtype, [usi
             )));
         }
     }
-    // No overflow: 2^12 · 2^12 · 3 · 2^16 · 2^16 · 4 < 2^64.
-    let expected = views * lights * 3 * height * width * dtype.bytes() as u64;
-    let found = (file_bytes - header.data_offset) as u64;
-    if found != expected {
-        return Err(format!(
-            "holds {found} bytes of samples, but shape {:?} of {:?} takes {expected}: the file is cut short or \
-             its header is wrong",
-            header.shape, header.descr
-        ));
-    }
-    if !header.data_offset.is_multiple_of(dtype.bytes()) {
-        return Err(format!(
-            "has its samples at byte {}, not a multiple of {}: save it again with numpy.save",
-            header.data_offset,
-            dtype.bytes()
-        ));
-    }
+    // 2^12 · 2^12 · 3 · 2^16 · 2^16 · 4 < 2^64.
     Ok((
         dtype,
         [views, lights, height, width].map(|length| length as usize),
     ))
 }
 
-fn read_sampling(path: &Path) -> Result<Sampling> {
+pub(super) fn read_sampling(path: &Path) -> Result<Sampling> {
     let file = File::open(path).map_err(Error::io(
         path,
         "open the directions that belong to the .npy file",

@@ -2,6 +2,7 @@
 //! beside it `NAME.json` with the directions, so that any numpy user can bring data.
 //!
 //! - [`NpyBtf`]: a BTF that is read through a memory map.
+//! - [`read_once`]: a BTF that arrives through a pipe.
 //! - [`BtfWriter`]: streams a BTF into a new pair of files.
 //! - [`NpyWriter`], [`write_npy_f32`]: any other array.
 //!
@@ -10,9 +11,11 @@
 
 mod header;
 mod mapped;
+mod pipe;
 mod writer;
 
 pub use mapped::{Dtype, NpyBtf, Samples};
+pub use pipe::read_once;
 pub use writer::{BtfWriter, NpyWriter, write_npy_f32};
 
 use serde::{Deserialize, Serialize};

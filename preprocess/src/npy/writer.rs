@@ -129,7 +129,7 @@ impl BtfWriter {
     /// Begins a BTF at `path`, which ends in `.npy`.
     ///
     /// # Errors
-    /// [`Error::Format`] for directions or sides that [`super::Btf::open`] would refuse, [`Error::Io`].
+    /// [`Error::Format`] for directions or sides that [`crate::Btf::open`] would refuse, [`Error::Io`].
     pub fn create(path: &Path, sampling: Sampling, width: u32, height: u32, dtype: Dtype) -> Result<Self> {
         sampling
             .check()

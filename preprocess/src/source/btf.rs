@@ -2,10 +2,12 @@
 
 use std::ops::Range;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use tileset::Direction;
 
-use super::{Images, LowRank};
+use super::repair::Repaired;
+use super::{Images, LowRank, Overrides, Repairs};
 use crate::npy::{CHANNELS, MAX_SAMPLE, Samples, Sampling};
 use crate::{Error, Result};
 
@@ -29,7 +31,22 @@ impl Btf {
     /// # Errors
     /// [`Error::Io`], or [`Error::Format`] saying which part of which file contradicts what.
     pub fn open(path: &Path) -> Result<Self> {
-        super::open::open(path)
+        Self::open_with(path, &Overrides::default())
+    }
+
+    /// [`Btf::open`], but what the user says counts more than the files.
+    ///
+    /// # Errors
+    /// As [`Btf::open`]; [`Error::Invalid`] for an override that the format has no use for.
+    pub fn open_with(path: &Path, overrides: &Overrides) -> Result<Self> {
+        super::open::open(path, overrides)
+    }
+
+    /// The same BTF with another opinion about wrapping and cosine.
+    pub(super) fn with(mut self, overrides: &Overrides) -> Self {
+        self.sampling.wrap = overrides.wrap.unwrap_or(self.sampling.wrap);
+        self.sampling.cosine = overrides.cosine.unwrap_or(self.sampling.cosine);
+        self
     }
 
     /// A BTF from its parts; its name is that of the file or folder without extension.
@@ -45,7 +62,10 @@ impl Btf {
         sampling.check().map_err(|detail| Error::format(path, detail))?;
         let sides = 1..=tileset::MAX_SIDE_TEXELS;
         if !sides.contains(&width) || !sides.contains(&height) {
-            let detail = format!("{width}x{height} texels, accepted are 1 to {} a side", sides.end());
+            let detail = format!(
+                "{width}x{height} texels, accepted are 1 to {} a side",
+                sides.end()
+            );
             return Err(Error::format(path, detail));
         }
         let name = path
@@ -61,6 +81,18 @@ impl Btf {
             height,
             images,
         })
+    }
+
+    /// The same BTF with its bad samples filled while they are read: NaN, infinities, and values beyond
+    /// [`MAX_SAMPLE`]. A hole takes the mean of what surrounds it; a channel of an image without any good sample that of
+    /// the image under the angularly nearest light, or of the nearest view. The second value counts what was repaired.
+    ///
+    /// Reading such a BTF fails with [`Error::Format`] where no image of it has a good sample in some channel.
+    pub fn repaired(self) -> (Self, Arc<Repairs>) {
+        let images = Repaired::new(&self.path, &self.sampling, (self.width, self.height), self.images);
+        let repairs = images.repairs();
+        let images = Box::new(images);
+        (Self { images, ..self }, repairs)
     }
 
     /// The file or folder.
@@ -167,6 +199,19 @@ impl Btf {
     /// Says that these images are not needed any more for now.
     pub(crate) fn release(&self, images: Range<usize>) {
         self.images.release(images);
+    }
+
+    /// What is worth knowing beside all this: files left out, assumptions made.
+    pub fn notes(&self) -> Vec<String> {
+        self.images.notes()
+    }
+
+    /// Looks at an image without decoding it; see [`Images::check`].
+    ///
+    /// # Errors
+    /// Those of the format.
+    pub fn check_image(&self, image: usize) -> Result<()> {
+        self.images.check(image)
     }
 
     /// Where an image stands, for errors.

@@ -39,6 +39,19 @@ pub trait Images: Send + Sync + std::fmt::Debug {
     /// Where an image stands, for errors: the name of its file, or its place in a file of many.
     fn place(&self, image: usize) -> String;
 
+    /// What is worth knowing beside what [`crate::Btf`] says: files left out, assumptions made.
+    fn notes(&self) -> Vec<String> {
+        Vec::new()
+    }
+
+    /// Looks at an image without decoding it: whether it is there, is what it should be, and has the right size.
+    ///
+    /// # Errors
+    /// As [`Images::samples`].
+    fn check(&self, _image: usize) -> Result<()> {
+        Ok(())
+    }
+
     /// The BTF as a product of factors where the file holds one, so that it need not be factorized again.
     ///
     /// # Errors

@@ -3,7 +3,7 @@
 use xxhash_rust::xxh3::xxh3_64;
 
 use super::directory::MAX_DIRECTORY_BYTES;
-use crate::{Error, Result, error::corrupt};
+use crate::{Error, Result, codec::MAX_TABLES_BYTES, error::corrupt, frame};
 
 /// Length of the fixed header.
 pub const HEADER_BYTES: usize = 64;
@@ -11,21 +11,23 @@ pub const HEADER_BYTES: usize = 64;
 /// First bytes of every archive. The first is no text, and the last two are changed by whatever converts
 /// line ends.
 pub(super) const MAGIC: [u8; 8] = *b"\x89BSVTF\r\n";
-/// The version that is written, and the newest that is read.
-pub(super) const VERSION: u32 = 1;
-/// Largest accepted manifest: twice what the largest valid one can need.
-pub(super) const MAX_MANIFEST_BYTES: u64 = 1 << 20;
+/// The version that is written and read. Version 1, before any release, had no tables and other mips.
+pub(super) const VERSION: u32 = 2;
+/// Largest accepted text of a manifest: twice what the largest valid one can need.
+pub(super) const MAX_MANIFEST_BYTES: usize = 1 << 20;
 
 /// The header's members; all integers are little-endian.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Header {
     /// Bytes of the whole archive.
     pub file_bytes: u64,
-    /// Bytes of the manifest, which follows the header.
+    /// Bytes of the manifest, a zstd frame, which follows the header.
     pub manifest_bytes: u64,
-    /// Bytes of the directory, which follows the manifest.
+    /// Bytes of the codec's tables, which follow the manifest.
+    pub tables_bytes: u32,
+    /// Bytes of the directory, which follows the tables.
     pub directory_bytes: u64,
-    /// XXH3-64 of the manifest's bytes.
+    /// XXH3-64 of the manifest's bytes and those of the tables behind them.
     pub manifest_hash: u64,
     /// XXH3-64 of the directory's bytes.
     pub directory_hash: u64,
@@ -51,27 +53,31 @@ impl Header {
         if hash != xxh3_64(&bytes[..56]) {
             return failed(56, "its checksum does not match".into());
         }
-        if version > VERSION {
+        if version != VERSION {
             return Err(Error::UnsupportedVersion {
                 found: version,
                 supported: VERSION,
             });
         }
-        if version == 0 || u32_at(12) != 0 {
-            return failed(
-                8,
-                format!("version {version} with flags {:#x} does not exist", u32_at(12)),
-            );
-        }
         let header = Header {
             file_bytes: u64_at(16),
             manifest_bytes: u64_at(24),
+            tables_bytes: u32_at(12),
             directory_bytes: u64_at(32),
             manifest_hash: u64_at(40),
             directory_hash: u64_at(48),
         };
         for (what, found, limit) in [
-            ("bytes of the manifest", header.manifest_bytes, MAX_MANIFEST_BYTES),
+            (
+                "bytes of the manifest",
+                header.manifest_bytes,
+                frame::bound(MAX_MANIFEST_BYTES) as u64,
+            ),
+            (
+                "bytes of the tables",
+                header.tables_bytes.into(),
+                MAX_TABLES_BYTES,
+            ),
             (
                 "bytes of the directory",
                 header.directory_bytes,
@@ -97,6 +103,7 @@ impl Header {
         let mut bytes = [0; HEADER_BYTES];
         bytes[..8].copy_from_slice(&MAGIC);
         bytes[8..12].copy_from_slice(&VERSION.to_le_bytes());
+        bytes[12..16].copy_from_slice(&self.tables_bytes.to_le_bytes());
         for (at, value) in [
             (16, self.file_bytes),
             (24, self.manifest_bytes),
@@ -111,8 +118,8 @@ impl Header {
         bytes
     }
 
-    /// Bytes of header, manifest and directory.
+    /// Bytes of header, manifest, tables and directory.
     pub(super) fn prefix_bytes(&self) -> u64 {
-        HEADER_BYTES as u64 + self.manifest_bytes + self.directory_bytes
+        HEADER_BYTES as u64 + self.manifest_bytes + u64::from(self.tables_bytes) + self.directory_bytes
     }
 }

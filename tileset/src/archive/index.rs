@@ -1,15 +1,18 @@
 //! Header, manifest and directory, checked: what every reader of an archive starts from.
 
+use std::sync::Arc;
+
 use xxhash_rust::xxh3::{xxh3_64, xxh3_128};
 
 use super::{
     directory,
-    header::{HEADER_BYTES, Header},
+    header::{HEADER_BYTES, Header, MAX_MANIFEST_BYTES},
 };
 use crate::{
     Error, Manifest, PageId, Pyramid, Result,
-    codec::{MAX_COLUMN_BYTES, MAX_PAGE_BYTES},
+    codec::{Decoder, MAX_COLUMN_BYTES, MAX_PAGE_BYTES},
     error::corrupt,
+    frame,
 };
 
 /// Directory entry of a page or column.
@@ -27,13 +30,15 @@ pub struct Record {
 }
 
 /// What every reader of an archive starts from: manifest and directory, checked.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub struct Index {
     /// Manifest.
     pub manifest: Manifest,
     /// Geometry of the pages.
     pub pyramid: Pyramid,
-    /// Content hash of the archive: XXH3-128 over header, manifest and directory, and so over the hashes of
+    /// Decodes the records.
+    pub decoder: Arc<Decoder>,
+    /// Content hash of the archive: XXH3-128 over header, manifest, tables and directory, and so over the hashes of
     /// all records.
     pub id: u128,
     /// Bytes of the whole archive.
@@ -42,8 +47,15 @@ pub struct Index {
     pages: Vec<Record>,
 }
 
+/// Archives with the same first bytes are the same, by the hashes in them.
+impl PartialEq for Index {
+    fn eq(&self, other: &Self) -> bool {
+        self.id == other.id
+    }
+}
+
 impl Index {
-    /// Parses the first bytes of an archive: header, manifest and directory, as a server sends them in one
+    /// Parses the first bytes of an archive: header, manifest, tables and directory, as a server sends them in one
     /// piece. Allocation is bounded by the length of `prefix` and the limits of the crate.
     ///
     /// # Errors
@@ -59,19 +71,22 @@ impl Index {
                 detail,
             ));
         }
-        let (manifest, directory) = prefix[HEADER_BYTES..].split_at(header.manifest_bytes as usize);
-        let directory_offset = HEADER_BYTES as u64 + header.manifest_bytes;
+        let described = header.manifest_bytes as usize + header.tables_bytes as usize;
+        let (described, directory) = prefix[HEADER_BYTES..].split_at(described);
+        let (manifest, tables) = described.split_at(header.manifest_bytes as usize);
+        let directory_offset = header.prefix_bytes() - header.directory_bytes;
         for (what, bytes, offset, hash) in [
-            ("manifest", manifest, HEADER_BYTES as u64, header.manifest_hash),
+            ("manifest", described, HEADER_BYTES as u64, header.manifest_hash),
             ("directory", directory, directory_offset, header.directory_hash),
         ] {
             if xxh3_64(bytes) != hash {
                 return Err(corrupt(what, offset, "its checksum does not match"));
             }
         }
-        let manifest: Manifest = serde_json::from_slice(manifest)
-            .map_err(|error| corrupt("manifest", HEADER_BYTES as u64, error.to_string()))?;
-        manifest.validate()?;
+        let manifest: Manifest = frame::decompress(manifest, MAX_MANIFEST_BYTES)
+            .and_then(|text| serde_json::from_slice(&text).map_err(|error| error.to_string()))
+            .map_err(|detail| corrupt("manifest", HEADER_BYTES as u64, detail))?;
+        let decoder = Arc::new(Decoder::new(&manifest, tables)?);
         let pyramid = manifest.pyramid()?;
 
         let groups = manifest.groups() as usize;
@@ -82,6 +97,7 @@ impl Index {
         let index = Index {
             manifest,
             pyramid,
+            decoder,
             id: xxh3_128(prefix),
             file_bytes: header.file_bytes,
             columns,
@@ -249,11 +265,12 @@ mod tests {
             singular_values: vec![1.0],
             errors: Ledger::default(),
         };
-        let manifest = serde_json::to_vec(&manifest).unwrap();
+        let manifest = frame::compress(&serde_json::to_vec(&manifest).unwrap()).unwrap();
         let directory = directory::encode(records.iter()).unwrap();
         let mut header = Header {
             file_bytes: 0,
             manifest_bytes: manifest.len() as u64,
+            tables_bytes: 0,
             directory_bytes: directory.len() as u64,
             manifest_hash: xxh3_64(&manifest),
             directory_hash: xxh3_64(&directory),

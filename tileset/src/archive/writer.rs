@@ -10,13 +10,15 @@ use super::{
 };
 use crate::{
     Error, Manifest, PageId, Pyramid, Result,
-    codec::{MAX_COLUMN_BYTES, MAX_PAGE_BYTES},
+    codec::{Decoder, MAX_COLUMN_BYTES, MAX_PAGE_BYTES},
+    frame,
 };
 
 /// Collects records and writes an archive in streaming order.
 #[derive(Debug)]
 pub struct ArchiveWriter {
     manifest: Manifest,
+    tables: Vec<u8>,
     pyramid: Pyramid,
     tiles: usize,
     columns: Vec<Option<Pending>>,
@@ -31,12 +33,20 @@ struct Pending {
 }
 
 impl ArchiveWriter {
-    /// An archive with this manifest and no records yet.
+    /// An archive with this manifest and no records yet, of a codec without tables.
     ///
     /// # Errors
-    /// As [`Manifest::validate`].
+    /// As [`Decoder::new`].
     pub fn new(manifest: Manifest) -> Result<Self> {
-        manifest.validate()?;
+        Self::with_tables(manifest, Vec::new())
+    }
+
+    /// An archive with this manifest, these tables of its codec, and no records yet.
+    ///
+    /// # Errors
+    /// As [`Decoder::new`].
+    pub fn with_tables(manifest: Manifest, tables: Vec<u8>) -> Result<Self> {
+        Decoder::new(&manifest, &tables)?;
         let pyramid = manifest.pyramid()?;
         let mut columns = Vec::new();
         columns.resize_with(manifest.groups() as usize, || None);
@@ -44,6 +54,7 @@ impl ArchiveWriter {
         pages.resize_with(manifest.page_count()? as usize, || None);
         Ok(Self {
             manifest,
+            tables,
             pyramid,
             tiles: pyramid.tile_count() as usize,
             columns,
@@ -102,6 +113,7 @@ impl ArchiveWriter {
             what: "manifest".into(),
             detail: error.to_string(),
         })?;
+        let manifest = frame::compress(&manifest)?;
         let order = streaming_order(&self.pyramid, self.columns.len() as u16, &self);
 
         let mut columns: Vec<Record> = self.columns.iter().map(unplaced).collect();
@@ -116,17 +128,19 @@ impl ArchiveWriter {
             offset += u64::from(record.length);
         }
         let directory = directory::encode(columns.iter().chain(&pages))?;
+        let described = [&manifest[..], &self.tables].concat();
         let mut header = Header {
             file_bytes: 0,
             manifest_bytes: manifest.len() as u64,
+            tables_bytes: self.tables.len() as u32,
             directory_bytes: directory.len() as u64,
-            manifest_hash: xxh3_64(&manifest),
+            manifest_hash: xxh3_64(&described),
             directory_hash: xxh3_64(&directory),
         };
         header.file_bytes = header.prefix_bytes() + offset;
 
         let header_bytes = header.to_bytes();
-        let prefix = [header_bytes.as_slice(), &manifest, &directory];
+        let prefix = [header_bytes.as_slice(), &described, &directory];
         let records = order.iter().map(|&item| self.bytes(item));
         for bytes in prefix.into_iter().chain(records) {
             out.write_all(bytes).map_err(|source| Error::Io {

@@ -48,7 +48,11 @@ pub fn encode_column(column: &Column) -> Result<Vec<u8>> {
 /// # Errors
 /// [`Error::Corrupt`] if the bytes are no record of a column of this size.
 pub fn decode_column(manifest: &Manifest, group: u16, bytes: &[u8]) -> Result<Column> {
-    let count = manifest.column_texels();
+    decode(manifest.column_texels(), group, bytes)
+}
+
+/// Decodes a column of `count` texels.
+pub(super) fn decode(count: usize, group: u16, bytes: &[u8]) -> Result<Column> {
     if count > MAX_COLUMN_TEXELS as usize {
         return Err(Error::OverLimit {
             what: "texels of a column",

@@ -131,7 +131,17 @@ pub fn decode_page(
 
 /// The quantizer step, as the transform uses it.
 pub(crate) fn step(codec: Codec) -> Result<f32> {
-    let Codec::DctDeltaZstd { step } = codec;
+    match codec {
+        Codec::DctDeltaZstd { step } => check_step(step),
+        other => Err(Error::Invalid {
+            what: format!("codec {other:?}"),
+            detail: "its pages are coded together, not one by one".into(),
+        }),
+    }
+}
+
+/// A quantizer step in the accepted range.
+pub(crate) fn check_step(step: f64) -> Result<f32> {
     // With steps up to this no product of the decoder can overflow, so nothing is ever infinite or not a
     // number.
     let range = 1e-6..=1e6;

@@ -1,0 +1,50 @@
+//! `eigentile bench`: what is promised, measured. One subcommand, one file.
+//!
+//! To add one: its file with `Arguments` and `run`, and a line in `Subject` and in `run`. The work itself lives in the
+//! crate `benches`.
+
+mod codec;
+mod decode;
+mod factorize;
+mod range;
+mod stability;
+
+use anyhow::Result;
+use clap::{Args, Subcommand};
+
+/// Measure bytes, errors and speed, to compare with other programs.
+#[derive(Args)]
+#[command(after_help = EXAMPLES)]
+pub(crate) struct Arguments {
+    #[command(subcommand)]
+    subject: Subject,
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  eigentile bench codec leather.npy --keep kept
+  eigentile bench decode kept/leather/*.bsvtf
+  eigentile bench factorize leather.npy --json
+  eigentile bench range leather.npy
+  eigentile bench stability
+
+benches/peers in the source tree has the programs to measure beside, and scripts that run both.";
+
+#[derive(Subcommand)]
+enum Subject {
+    Codec(codec::Arguments),
+    Decode(decode::Arguments),
+    Factorize(factorize::Arguments),
+    Range(range::Arguments),
+    Stability(stability::Arguments),
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<()> {
+    match &arguments.subject {
+        Subject::Codec(arguments) => codec::run(arguments),
+        Subject::Decode(arguments) => decode::run(arguments),
+        Subject::Factorize(arguments) => factorize::run(arguments),
+        Subject::Range(arguments) => range::run(arguments),
+        Subject::Stability(arguments) => stability::run(arguments),
+    }
+}

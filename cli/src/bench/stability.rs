@@ -1,0 +1,84 @@
+//! `eigentile bench stability`: BTFs that are hard on floating point numbers, against stated bounds.
+
+use std::io::Write;
+
+use ::benches::stability::{Row, Sizes, run as run_suite, table};
+use anyhow::{Result, ensure};
+use clap::Args;
+
+use crate::{file, progress};
+
+/// Measure BTFs that are hard on floating point numbers, and compare with stated bounds; fails if one is broken.
+#[derive(Args)]
+#[command(after_help = EXAMPLES)]
+pub(crate) struct Arguments {
+    /// Larger cases: a minute or two instead of seconds.
+    #[arg(long)]
+    full: bool,
+    /// Prints all that was measured, and the bounds with their reasons, as JSON, and no progress.
+    #[arg(long)]
+    json: bool,
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  eigentile bench stability
+  eigentile bench stability --full --json
+
+Columns: largest deviations of both factors from orthonormal ones; error of the best product of this rank, from an f64
+decomposition; error of ours, and as we state it; what half floats lose; what the codec loses; error of the decoded
+archive, and as its ledger states it. All errors are relative to the root mean square of the BTF. Each case also goes
+by the bounds that are listed with --json.";
+
+pub(crate) fn run(arguments: &Arguments) -> Result<()> {
+    let sizes = if arguments.full { Sizes::Full } else { Sizes::Small };
+    let spinner = progress::spinner("stability", arguments.json);
+    let rows = run_suite(sizes, &|case| spinner.set_message(case.to_owned()));
+    spinner.finish_and_clear();
+    if arguments.json {
+        file::print_json(&rows)?;
+    } else {
+        write!(std::io::stdout().lock(), "{}", table(&rows))?;
+    }
+    verdict(&rows)
+}
+
+/// An error if a bound is broken; what it was has been printed then.
+fn verdict(rows: &[Row]) -> Result<()> {
+    let broken = rows.iter().filter(|row| !row.broken.is_empty()).count();
+    ensure!(broken == 0, "{broken} of {} cases break their bounds", rows.len());
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use ::benches::stability::{Bounds, Shape};
+
+    use super::*;
+
+    #[test]
+    fn one_broken_bound_is_a_failure() {
+        let row = |broken: &[&str]| Row {
+            case: "constant",
+            shape: Shape {
+                views: 1,
+                lights: 1,
+                width: 1,
+                height: 1,
+            },
+            measured: None,
+            bounds: Bounds::DEFAULT,
+            reason: "none",
+            broken: broken.iter().map(|&what| what.to_owned()).collect(),
+        };
+        assert!(verdict(&[row(&[]), row(&[])]).is_ok());
+        let rows = [row(&[]), row(&["rank error is 1, more than 0"])];
+        let error = verdict(&rows).unwrap_err().to_string();
+        assert_eq!(error, "1 of 2 cases break their bounds");
+        let table = table(&rows);
+        assert!(
+            table.contains("FAIL\n    ! rank error is 1, more than 0\n"),
+            "{table}"
+        );
+    }
+}

@@ -1,0 +1,165 @@
+//! `eigentile bench` on tiny inputs: what it prints is complete and adds up.
+
+mod program;
+
+use std::fs;
+use std::path::Path;
+
+use preprocess::npy::{BtfWriter, Dtype, Sampling};
+use program::{fail, succeed, succeed_json};
+use serde_json::Value;
+use tileset::Direction;
+
+/// A BTF of 3 × 3 directions and 40 × 24 texels that has five terms.
+fn write_btf(path: &Path) {
+    let directions: Vec<Direction> = (0..3)
+        .map(|i| Direction {
+            theta: 0.4 * f64::from(i),
+            phi: 1.3 * f64::from(i),
+        })
+        .collect();
+    let sampling = Sampling {
+        views: directions.clone(),
+        lights: directions,
+        wrap: true,
+        cosine: false,
+    };
+    let mut writer = BtfWriter::create(path, sampling, 40, 24, Dtype::F32).unwrap();
+    for row in 0..27 {
+        let sample = |texel: i32| {
+            let (x, y) = ((texel % 40) as f32, (texel / 40) as f32);
+            let wave = |k: i32| (0.16 * (x * k as f32 + y * (row * k % 5) as f32)).sin() / k as f32;
+            0.5 + 0.2 * (1..7).map(wave).sum::<f32>()
+        };
+        writer
+            .write_f32(&(0..960).map(sample).collect::<Vec<f32>>())
+            .unwrap();
+    }
+    writer.finish().unwrap();
+}
+
+fn number(value: &Value, at: &str) -> f64 {
+    let found = value.pointer(at).and_then(Value::as_f64);
+    found.unwrap_or_else(|| panic!("no number at {at} in {value}"))
+}
+
+#[test]
+fn codec_meets_targets_and_keeps_factors() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    write_btf(&at.join("waves.npy"));
+    let codec = ["bench", "codec", "--keep", "kept", "--runs", "1", "--json"];
+    let first = succeed_json(
+        at,
+        &[
+            &codec[..],
+            &["waves.npy", "--components", "5", "--targets", "0.1,0.03"],
+        ]
+        .concat(),
+    );
+    assert_eq!(number(&first, "/materials/0/components"), 5.0);
+    assert!(number(&first, "/materials/0/factorized/seconds") > 0.0);
+    for (i, target) in [0.1, 0.03].into_iter().enumerate() {
+        let point = &first["materials"][0]["points"][i];
+        assert_eq!(number(point, "/target"), target);
+        let error = number(point, "/relative_error");
+        assert!(error <= target && error > 0.9 * target, "{error} for {target}");
+        let kinds = ["/page_bytes", "/column_bytes", "/table_bytes"].map(|kind| number(point, kind));
+        let archive = at.join(point["archive"].as_str().unwrap());
+        let file = fs::metadata(&archive).unwrap().len() as f64;
+        assert_eq!(
+            (kinds.iter().sum::<f64>(), number(point, "/archive_bytes")),
+            (file, file)
+        );
+    }
+
+    // From what was kept: the same bytes, without the BTF.
+    fs::remove_file(at.join("waves.npy")).unwrap();
+    let quality = number(&first, "/materials/0/points/1/quality").to_string();
+    let again = succeed_json(at, &[&codec[..], &["kept/waves", "--steps", &quality]].concat());
+    for member in ["page_bytes", "column_bytes", "relative_error", "quality", "codec"] {
+        assert_eq!(
+            again["materials"][0]["points"][0][member], first["materials"][0]["points"][1][member],
+            "{member}"
+        );
+    }
+
+    let decoded = succeed_json(
+        at,
+        &[
+            "bench",
+            "decode",
+            "kept/waves/target-0.1.bsvtf",
+            "--runs",
+            "2",
+            "--json",
+        ],
+    );
+    assert_eq!(number(&decoded, "/0/decode/runs"), 2.0);
+    assert_eq!(number(&decoded, "/0/decode/finest_samples"), 5.0 * 960.0);
+    assert!(number(&decoded, "/0/decode/mb_per_s") > 0.0);
+}
+
+#[test]
+fn factorize_says_what_it_took() {
+    let folder = tempfile::tempdir().unwrap();
+    write_btf(&folder.path().join("waves.npy"));
+    let factorized = succeed_json(
+        folder.path(),
+        &["bench", "factorize", "waves.npy", "--components", "4", "--json"],
+    );
+    assert_eq!(
+        (
+            number(&factorized, "/rows"),
+            number(&factorized, "/columns"),
+            number(&factorized, "/components")
+        ),
+        (27.0, 960.0, 4.0)
+    );
+    let error = number(&factorized, "/relative_error");
+    assert!(error > 1e-4 && error < 0.5, "{error}");
+    assert!(number(&factorized, "/seconds") >= number(&factorized, "/product_seconds"));
+}
+
+#[test]
+fn stability_bounds_hold() {
+    let folder = tempfile::tempdir().unwrap();
+    let table = succeed(folder.path(), &["bench", "stability"]);
+    let verdicts: Vec<&str> = table
+        .lines()
+        .skip(1)
+        .filter_map(|line| line.split_whitespace().last())
+        .collect();
+    assert!(
+        verdicts.len() > 20 && verdicts.iter().all(|&verdict| verdict == "ok"),
+        "{table}"
+    );
+    let rows = succeed_json(folder.path(), &["bench", "stability", "--json"]);
+    assert_eq!(rows.as_array().map(Vec::len), Some(verdicts.len()));
+    assert!(number(&rows, "/1/measured/total_stated") > 0.0);
+}
+
+#[test]
+fn failures_say_what_to_do() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    write_btf(&at.join("waves.npy"));
+    let codec = [
+        "bench",
+        "codec",
+        "waves.npy",
+        "--keep",
+        "kept",
+        "--components",
+        "4",
+    ];
+    let unreachable = fail(at, &[&codec[..], &["--targets", "1e-7"]].concat());
+    assert!(unreachable.contains("larger target"), "{unreachable}");
+    let negative = fail(at, &[&codec[..], &["--targets=-1"]].concat());
+    assert!(negative.contains("above 0"), "{negative}");
+
+    fs::remove_file(at.join("kept/waves/v.npy")).unwrap();
+    let missing = fail(at, &["bench", "codec", "kept/waves", "--keep", "kept"]);
+    assert!(missing.contains("v.npy"), "{missing}");
+    assert!(fail(at, &["bench", "decode", "waves.npy"]).contains("waves.npy"));
+}

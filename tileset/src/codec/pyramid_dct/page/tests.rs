@@ -1,0 +1,201 @@
+use super::*;
+use crate::codec::pyramid_dct::dispatch::Work;
+use proptest::prelude::*;
+use std::collections::HashMap;
+
+/// A group's pages, and what they decode with.
+struct Coded {
+    step: f64,
+    pyramid: Pyramid,
+    mips: Vec<MipImage>,
+    tables: PageTables,
+    pages: Vec<CodedPage>,
+}
+
+/// A picture of waves and noise, with some values far larger than the rest, coded.
+fn coded(width: u32, height: u32, step: f64, seed: u32) -> Coded {
+    let pyramid = Pyramid::new(width, height, false).unwrap();
+    let mut state = seed;
+    let mut noise = || {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        (state >> 8) as f32 / (1 << 24) as f32 - 0.5
+    };
+    let texels = (0..width * height).map(|i| {
+        let wave = ((i % width) as f32 * 0.07).sin() + ((i / width) as f32 * 0.31).cos();
+        let peak = if i % 997 == 0 { 900.0 } else { 1.0 };
+        [
+            wave,
+            wave * 0.3 + noise(),
+            noise() * peak,
+            if i % 5 == 0 { noise() } else { 0.0 },
+        ]
+    });
+    let mut mips = vec![MipImage {
+        width,
+        height,
+        texels: texels.collect(),
+    }];
+    for mip in 0..usize::from(pyramid.tail_mip()) {
+        mips.push(mips[mip].downsample(false));
+    }
+    let mut tables = None;
+    for _ in 0..3 {
+        let statistics = count_group(step, &pyramid, (0, 1), &mips, tables.as_ref()).unwrap();
+        tables = Some(statistics.tables());
+    }
+    let tables = tables.unwrap();
+    let pages = code_group(step, &pyramid, 0, &mips, &tables).unwrap();
+    Coded {
+        step,
+        pyramid,
+        mips,
+        tables,
+        pages,
+    }
+}
+
+impl Coded {
+    /// The payload alone, with or without the best of the processor.
+    fn payload(
+        &self,
+        tile: Tile,
+        bytes: &[u8],
+        parent: Option<&Page>,
+        best: bool,
+    ) -> std::result::Result<Page, String> {
+        let parent = parent_of(&self.pyramid, tile, parent).unwrap();
+        let page = PageId { group: 0, tile };
+        let mut texels = vec![[f16::ZERO; 4]; SLOT_AREA];
+        let payload = Payload::new(
+            self.step,
+            &self.pyramid,
+            page,
+            bytes,
+            parent,
+            &self.tables,
+            &mut texels,
+        );
+        let payload = payload.map_err(|error| error.to_string())?;
+        if best {
+            dispatch::run(payload)
+        } else {
+            payload.run()
+        }?;
+        Ok(Page { texels })
+    }
+
+    fn decode(&self, tile: Tile, bytes: &[u8], parent: Option<&Page>) -> Result<Page> {
+        decode(
+            self.step,
+            &self.pyramid,
+            PageId { group: 0, tile },
+            bytes,
+            parent,
+            &self.tables,
+        )
+    }
+
+    fn decode_all(&self) -> HashMap<Tile, Page> {
+        let mut decoded = HashMap::new();
+        for page in &self.pages {
+            let parent = self.pyramid.parent(page.tile).map(|parent| &decoded[&parent]);
+            let page_texels = self.decode(page.tile, &page.bytes, parent).unwrap();
+            decoded.insert(page.tile, page_texels);
+        }
+        decoded
+    }
+}
+
+#[test]
+fn errors_are_those_of_the_step() {
+    for (width, height) in [(128, 128), (150, 77), (33, 200), (5, 3)] {
+        let coded = coded(width, height, 0.05, 1);
+        let decoded = coded.decode_all();
+        let (mut sum, mut count) = (0.0, 0);
+        for (tile, page) in decoded.iter().filter(|(tile, _)| tile.mip == 0) {
+            let (wide, high) = coded.pyramid.payload(*tile);
+            let origin = coded.pyramid.payload_origin(*tile, 0);
+            for (x, y) in (0..high).flat_map(|y| (0..wide).map(move |x| (x, y))) {
+                let found = page.texels[((origin.1 + y) * SLOT_TEXELS + origin.0 + x) as usize];
+                let (mip_x, mip_y) = (
+                    u32::from(tile.x) * PAGE_TEXELS + x,
+                    u32::from(tile.y) * PAGE_TEXELS + y,
+                );
+                let wanted = coded.mips[0].texels[(mip_y * width + mip_x) as usize];
+                for c in [0, 1, 3] {
+                    sum += (f64::from(found[c].to_f32()) - f64::from(wanted[c])).powi(2);
+                    count += 1;
+                }
+            }
+        }
+        let error = (sum / f64::from(count)).sqrt();
+        // That of rounding is step/√12; the search for few bits may double its square, and half floats add a little.
+        assert!(
+            error < 0.05 / 12f64.sqrt() * 1.5 + 1e-3,
+            "{width}x{height}: {error}"
+        );
+    }
+}
+
+#[test]
+fn missing_models_are_an_error() {
+    let coded = coded(64, 64, 0.1, 3);
+    let untrained = Statistics::new(&coded.pyramid, 1, false).tables();
+    let root = PageId {
+        group: 0,
+        tile: coded.pyramid.root(),
+    };
+    assert!(decode(0.1, &coded.pyramid, root, &coded.pages[0].bytes, None, &untrained).is_err());
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(12))]
+
+    #[test]
+    fn every_processor_decodes_the_same_bits(
+        width in 1u32..180, height in 1u32..100, log_step in -9f64..1.0, seed: u32,
+    ) {
+        let coded = coded(width, height, log_step.exp2(), seed);
+        let decoded = coded.decode_all();
+        for page in &coded.pages {
+            let parent = coded.pyramid.parent(page.tile).map(|parent| &decoded[&parent]);
+            for bytes in [&page.bytes[..], &[]] {
+                let best = coded.payload(page.tile, bytes, parent, true).unwrap();
+                let any = coded.payload(page.tile, bytes, parent, false).unwrap();
+                let bits = |page: &Page| page.texels.as_flattened().iter().map(|value| value.to_bits()).collect::<Vec<_>>();
+                prop_assert_eq!(bits(&best), bits(&any));
+            }
+        }
+    }
+
+    #[test]
+    fn damage_is_no_panic(
+        damage in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..4),
+        noise in prop::collection::vec(any::<u8>(), 0..600),
+        cut: prop::sample::Index,
+        log_step in -9f64..100.0,
+    ) {
+        let mut coded = coded(100, 70, 0.02, 7);
+        let decoded = coded.decode_all();
+        coded.step = log_step.exp2();
+        for page in &coded.pages {
+            let parent = coded.pyramid.parent(page.tile).map(|parent| &decoded[&parent]);
+            let mut bytes = page.bytes.clone();
+            for (index, value) in damage.iter().filter(|_| !page.bytes.is_empty()) {
+                let place = index.index(bytes.len());
+                bytes[place] ^= value;
+            }
+            let short = if bytes.is_empty() { 0 } else { cut.index(bytes.len()) };
+            for bytes in [&bytes[..], &noise, &page.bytes[..short]] {
+                let best = coded.payload(page.tile, bytes, parent, true);
+                let any = coded.payload(page.tile, bytes, parent, false);
+                prop_assert_eq!(best.is_ok(), any.is_ok());
+                if let (Ok(best), Ok(any)) = (best, any) {
+                    let texels = best.texels.as_flattened().iter().zip(any.texels.as_flattened());
+                    prop_assert!(texels.clone().all(|(a, b)| a.to_bits() == b.to_bits() && a.is_finite()));
+                }
+                let _ = coded.decode(page.tile, bytes, parent);
+            }
+        }
+    }
+}

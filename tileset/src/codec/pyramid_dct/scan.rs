@@ -1,0 +1,112 @@
+//! The order of a block's coefficients: by diagonals of rising frequency, so that those of one diagonal know all
+//! neighbours of lower frequency.
+
+use super::transform::SIDE;
+
+/// Diagonals of a full block; `u + v` is the number of a diagonal.
+pub(super) const DIAGONALS: usize = 2 * SIDE - 1;
+
+/// One coefficient that is coded.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Place {
+    /// Index in the block, `u`·16 + `v`.
+    pub at: u8,
+    /// Row of the block, `v`.
+    pub row: u8,
+    /// Index of the place in a full block that has this share of the highest frequency: whose statistics hold.
+    pub like: u8,
+}
+
+/// The coefficients of a block of some size.
+#[derive(Clone, Debug)]
+pub(super) struct Scan {
+    places: Vec<Place>,
+    /// First place of each diagonal, and the number of places.
+    starts: [u16; DIAGONALS + 1],
+}
+
+impl Scan {
+    /// Coefficients of a block of `width` × `height`, but for the lowest `low.0` × `low.1`, which come from the parent.
+    pub(super) fn new((width, height): (usize, usize), low: (usize, usize)) -> Self {
+        let mut places = Vec::new();
+        let mut starts = [0; DIAGONALS + 1];
+        for (diagonal, start) in starts.iter_mut().enumerate() {
+            *start = places.len() as u16;
+            let rows = diagonal.saturating_sub(width - 1)..height.min(diagonal + 1);
+            places.extend(rows.filter_map(|v| {
+                let u = diagonal - v;
+                (u >= low.0 || v >= low.1).then_some(Place {
+                    at: (u * SIDE + v) as u8,
+                    row: v as u8,
+                    like: (v * SIDE / height * SIDE + u * SIDE / width) as u8,
+                })
+            }));
+        }
+        Self { places, starts }
+    }
+
+    /// The places of a diagonal.
+    #[inline(always)]
+    pub(super) fn diagonal(&self, diagonal: usize) -> &[Place] {
+        match self.starts.get(diagonal..diagonal + 2) {
+            Some(&[start, end]) => &self.places[usize::from(start)..usize::from(end)],
+            _ => &[],
+        }
+    }
+
+    /// The number of places in the first `diagonals` diagonals.
+    pub(super) fn count(&self, diagonals: usize) -> usize {
+        usize::from(self.starts[diagonals.min(DIAGONALS)])
+    }
+
+    /// How many diagonals hold the first `places` places.
+    pub(super) fn diagonals(&self, places: usize) -> usize {
+        self.starts.partition_point(|&start| usize::from(start) < places)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_coefficient_comes_once_and_after_its_neighbours() {
+        for (size, low) in [
+            ((16, 16), (8, 8)),
+            ((16, 16), (0, 0)),
+            ((1, 1), (0, 0)),
+            ((5, 16), (3, 8)),
+            ((1, 2), (1, 1)),
+        ] {
+            let scan = Scan::new(size, low);
+            let places = &scan.places;
+            assert_eq!(places.len(), size.0 * size.1 - low.0 * low.1);
+            let order: Vec<_> = places.iter().map(|place| place.at).collect();
+            let mut sorted = order.clone();
+            sorted.sort_unstable();
+            sorted.dedup();
+            assert_eq!(sorted.len(), order.len());
+            let sums: Vec<_> = order
+                .iter()
+                .map(|&at| usize::from(at) / SIDE + usize::from(at) % SIDE)
+                .collect();
+            assert!(sums.is_sorted());
+            for (count, &sum) in (1..).zip(&sums) {
+                assert_eq!(scan.diagonals(count), sum + 1);
+            }
+            assert_eq!(scan.diagonals(0), 0);
+            assert_eq!(scan.count(0), 0);
+            assert_eq!(scan.count(DIAGONALS), places.len());
+            assert!(
+                (0..DIAGONALS)
+                    .flat_map(|diagonal| scan.diagonal(diagonal))
+                    .eq(places)
+            );
+            assert!(scan.diagonal(DIAGONALS).is_empty());
+        }
+        assert_eq!(
+            Scan::new((8, 8), (4, 4)).places.last().unwrap().like,
+            14 * 16 + 14
+        );
+    }
+}
