@@ -1,8 +1,6 @@
 //! The orthonormal 8×8 DCT-II and its inverse, for four components at once.
-//!
-//! Written out by even and odd symmetry from constants. A library's transform would compute its factors with
-//! the platform's sine, which differs in the last bit between platforms; a decoder must not.
 
+use super::lines::{forward_8, inverse_8};
 use super::texel::Texel;
 
 /// Side of a block.
@@ -12,15 +10,6 @@ pub(crate) const BLOCK_AREA: usize = BLOCK * BLOCK;
 
 /// One block, `[y][x]` or `[v][u]`.
 pub(crate) type Block = [Texel; BLOCK_AREA];
-
-// COS_K = cos(K·π/16) / 2, the factors of the orthonormal transform of length 8.
-const COS_1: f32 = 0.490_392_63;
-const COS_2: f32 = 0.461_939_75;
-const COS_3: f32 = 0.415_734_8;
-const COS_4: f32 = 0.353_553_38;
-const COS_5: f32 = 0.277_785_12;
-const COS_6: f32 = 0.191_341_72;
-const COS_7: f32 = 0.097_545_16;
 
 /// Texels to coefficients, in place.
 pub(crate) fn forward(block: &mut Block) {
@@ -66,44 +55,6 @@ fn transform_columns<const INVERSE: bool>(rows: &mut [[f32; BLOCK * 4]; BLOCK]) 
     }
 }
 
-#[inline(always)]
-fn forward_8(x: [f32; BLOCK]) -> [f32; BLOCK] {
-    let sums: [f32; 4] = std::array::from_fn(|i| x[i] + x[7 - i]);
-    let [d0, d1, d2, d3]: [f32; 4] = std::array::from_fn(|i| x[i] - x[7 - i]);
-    let (a0, a1) = (sums[0] + sums[3], sums[1] + sums[2]);
-    let (b0, b1) = (sums[0] - sums[3], sums[1] - sums[2]);
-    [
-        (a0 + a1) * COS_4,
-        d0 * COS_1 + d1 * COS_3 + d2 * COS_5 + d3 * COS_7,
-        b0 * COS_2 + b1 * COS_6,
-        d0 * COS_3 - d1 * COS_7 - d2 * COS_1 - d3 * COS_5,
-        (a0 - a1) * COS_4,
-        d0 * COS_5 - d1 * COS_1 + d2 * COS_7 + d3 * COS_3,
-        b0 * COS_6 - b1 * COS_2,
-        d0 * COS_7 - d1 * COS_5 + d2 * COS_3 - d3 * COS_1,
-    ]
-}
-
-#[inline(always)]
-fn inverse_8(c: [f32; BLOCK]) -> [f32; BLOCK] {
-    let (p0, p1) = ((c[0] + c[4]) * COS_4, (c[0] - c[4]) * COS_4);
-    let (q0, q1) = (c[2] * COS_2 + c[6] * COS_6, c[2] * COS_6 - c[6] * COS_2);
-    let even = [p0 + q0, p1 + q1, p1 - q1, p0 - q0];
-    let odd = [
-        c[1] * COS_1 + c[3] * COS_3 + c[5] * COS_5 + c[7] * COS_7,
-        c[1] * COS_3 - c[3] * COS_7 - c[5] * COS_1 - c[7] * COS_5,
-        c[1] * COS_5 - c[3] * COS_1 + c[5] * COS_7 + c[7] * COS_3,
-        c[1] * COS_7 - c[3] * COS_5 + c[5] * COS_3 - c[7] * COS_1,
-    ];
-    std::array::from_fn(|i| {
-        if i < 4 {
-            even[i] + odd[i]
-        } else {
-            even[7 - i] - odd[7 - i]
-        }
-    })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -144,15 +95,6 @@ mod tests {
         inverse(&mut block);
         for (found, wanted) in block.iter().zip(noise()) {
             assert!((0..4).all(|c| (found.0[c] - wanted.0[c]).abs() < 1e-6));
-        }
-    }
-
-    #[test]
-    fn constants_are_the_nearest_floats() {
-        let found = [COS_1, COS_2, COS_3, COS_4, COS_5, COS_6, COS_7];
-        for (k, found) in (1..).zip(found) {
-            let wanted = (f64::from(k) * std::f64::consts::PI / 16.0).cos() / 2.0;
-            assert_eq!(found, wanted as f32);
         }
     }
 }

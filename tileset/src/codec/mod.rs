@@ -23,6 +23,7 @@ mod column;
 pub mod columns;
 mod dct;
 mod decoder;
+mod lines;
 mod mip;
 mod page;
 pub mod pyramid_dct;

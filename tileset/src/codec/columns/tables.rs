@@ -82,7 +82,7 @@ impl ColumnTables {
         frame::compress(&raw)
     }
 
-    /// Reads the tables of an archive with these directions, and prepares its transforms. Memory: 16 KiB a model,
+    /// Reads the tables of an archive with these directions, and prepares its transforms. Memory: 5 KiB a model,
     /// of which there are 32 at most, and four bytes for each pair of up to 256 directions. Time: 0.6 ms
     /// for 81 directions, 3 ms for 151, and it grows with the cube up to 256.
     ///
