@@ -11,7 +11,9 @@ use std::fs::File;
 use std::path::Path;
 
 use serde::Serialize;
-use tileset::{Archive, Direction, GROUP_COMPONENTS, Ledger, Manifest, Page, PageId, Pyramid, ReadAt, Tile};
+use tileset::{
+    Archive, Column, Direction, GROUP_COMPONENTS, Ledger, Manifest, Page, PageId, Pyramid, ReadAt, Tile,
+};
 
 use crate::build::Finest;
 use crate::npy::{Dtype, NpyWriter};
@@ -64,13 +66,7 @@ pub fn export(path: &Path, folder: &Path, progress: ProgressFn<'_>) -> Result<()
             done: group.into(),
             total,
         });
-        let column = archive.read_column(group).map_err(Error::archive(path))?;
-        let column = archive
-            .index
-            .decoder
-            .column(group, &column)
-            .map_err(Error::archive(path))?;
-        let finest = decode_finest(&archive, group).map_err(Error::archive(path))?;
+        let (column, finest) = decode_group(&archive, group).map_err(Error::archive(path))?;
         let first = usize::from(group) * GROUP_COMPONENTS;
         for channel in 0..GROUP_COMPONENTS.min(components - first) {
             let abrdf: Vec<f32> = column
@@ -97,8 +93,17 @@ pub fn export(path: &Path, folder: &Path, progress: ProgressFn<'_>) -> Result<()
     write_meta(manifest, &folder.join("meta.json"))
 }
 
+/// The column of a group and the finest mip of its textures, as every reader of the archive sees them.
+pub(crate) fn decode_group<R: ReadAt>(archive: &Archive<R>, group: u16) -> tileset::Result<(Column, Finest)> {
+    let column = archive
+        .index
+        .decoder
+        .column(group, &archive.read_column(group)?)?;
+    Ok((column, decode_finest(archive, group)?))
+}
+
 /// All pages of one group, coarse to fine; what is kept is the finest mip.
-pub(crate) fn decode_finest<R: ReadAt>(archive: &Archive<R>, group: u16) -> tileset::Result<Finest> {
+fn decode_finest<R: ReadAt>(archive: &Archive<R>, group: u16) -> tileset::Result<Finest> {
     let pyramid: &Pyramid = &archive.index.pyramid;
     let mut finest = Finest::new(pyramid);
     let mut parents: HashMap<Tile, Page> = HashMap::new();

@@ -5,8 +5,9 @@ use std::path::Path;
 
 use tileset::{Archive, GROUP_COMPONENTS};
 
-use crate::export::decode_finest;
-use crate::factorize::{gram, left_out};
+use crate::build::loss::{Product, Sizes, mean_square};
+use crate::export::decode_group;
+use crate::factorize::left_out;
 use crate::progress::ProgressFn;
 use crate::{Btf, Error, Factors, Result};
 
@@ -73,13 +74,7 @@ fn decode(path: &Path) -> Result<(Vec<f32>, Vec<f32>)> {
     let scale = manifest.texture_scale as f32;
     let (mut u, mut v) = (Vec::new(), Vec::new());
     for group in 0..manifest.groups() as u16 {
-        let column = archive.read_column(group).map_err(Error::archive(path))?;
-        let column = archive
-            .index
-            .decoder
-            .column(group, &column)
-            .map_err(Error::archive(path))?;
-        let finest = decode_finest(&archive, group).map_err(Error::archive(path))?;
+        let (column, finest) = decode_group(&archive, group).map_err(Error::archive(path))?;
         let first = usize::from(group) * GROUP_COMPONENTS;
         for channel in 0..GROUP_COMPONENTS.min(manifest.components as usize - first) {
             u.extend(column.texels.iter().map(|texel| texel[channel].to_f32()));
@@ -89,32 +84,22 @@ fn decode(path: &Path) -> Result<(Vec<f32>, Vec<f32>)> {
     Ok((u, v))
 }
 
-/// ‖√w·(UV − ÛV̂)‖² from Gram matrices of [U − Û, Û] and [V, V − V̂]: exact, and nothing cancels.
+/// ‖√w·(UV − ÛV̂)‖².
 fn difference(factors: &Factors, u: &[f32], v: &[f32], weights: Option<&[f32]>) -> f64 {
-    let (rows, columns, components) = (factors.rows, factors.columns, factors.components);
-    let left = gram(rows, 2 * components, |range, mut out| {
-        for component in 0..components {
-            for (i, row) in range.clone().enumerate() {
-                let scale = weights.map_or(1.0, |weights| f64::from(weights[row]).sqrt());
-                let [wanted, stored] =
-                    [&factors.u[..], u].map(|u| f64::from(u[component * rows + row]) * scale);
-                out[(i, component)] = wanted - stored;
-                out[(i, components + component)] = stored;
-            }
-        }
-    });
-    let right = gram(columns, 2 * components, |range, mut out| {
-        for component in 0..components {
-            for (i, texel) in range.clone().enumerate() {
-                let [wanted, stored] = [&factors.v[..], v].map(|v| f64::from(v[component * columns + texel]));
-                out[(i, component)] = wanted;
-                out[(i, components + component)] = wanted - stored;
-            }
-        }
-    });
-    let entries = (0..2 * components).flat_map(|j| (0..2 * components).map(move |i| (i, j)));
-    entries
-        .map(|entry| left[entry] * right[entry])
-        .sum::<f64>()
-        .max(0.0)
+    let (rows, columns) = (factors.rows, factors.columns);
+    let sizes = Sizes {
+        rows,
+        columns,
+        components: factors.components,
+    };
+    let scale = |row: usize| weights.map_or(1.0, |weights| weights[row].sqrt());
+    let wanted = Product {
+        abrdf: |component: usize, row: usize| factors.u[component * rows + row] * scale(row),
+        texture: |component: usize, texel: usize| factors.v[component * columns + texel],
+    };
+    let stored = Product {
+        abrdf: |component: usize, row: usize| u[component * rows + row] * scale(row),
+        texture: |component: usize, texel: usize| v[component * columns + texel],
+    };
+    mean_square(sizes, &wanted, &stored) * rows as f64 * columns as f64
 }

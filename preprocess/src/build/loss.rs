@@ -10,17 +10,17 @@ const BLOCK_ROWS: usize = 512;
 const MAX_TASKS: usize = 32;
 
 /// A pair of factors, by entry: `abrdf(component, row)` and `texture(component, texel)`.
-pub(super) struct Product<A, T> {
-    pub(super) abrdf: A,
-    pub(super) texture: T,
+pub(crate) struct Product<A, T> {
+    pub(crate) abrdf: A,
+    pub(crate) texture: T,
 }
 
 /// Sizes of the factors.
 #[derive(Clone, Copy)]
-pub(super) struct Sizes {
-    pub(super) rows: usize,
-    pub(super) columns: usize,
-    pub(super) components: usize,
+pub(crate) struct Sizes {
+    pub(crate) rows: usize,
+    pub(crate) columns: usize,
+    pub(crate) components: usize,
 }
 
 /// Mean squared difference of reflectance between two products U·V and Û·V̂.
@@ -28,7 +28,7 @@ pub(super) struct Sizes {
 /// With A = U − Û and D = V − V̂ the difference is [A Û]·[V; D]; its squared norm is the sum over the products
 /// of entries of both factors' Gram matrices. Nothing cancels: each term is small because A or D is, so products in f32
 /// give it to a few parts in a million.
-pub(super) fn mean_square<A, T, A2, T2>(sizes: Sizes, wanted: &Product<A, T>, stored: &Product<A2, T2>) -> f64
+pub(crate) fn mean_square<A, T, A2, T2>(sizes: Sizes, wanted: &Product<A, T>, stored: &Product<A2, T2>) -> f64
 where
     A: Fn(usize, usize) -> f32 + Sync,
     T: Fn(usize, usize) -> f32 + Sync,

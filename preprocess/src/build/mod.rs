@@ -5,7 +5,7 @@
 
 mod finest;
 mod group;
-mod loss;
+pub(crate) mod loss;
 
 pub(crate) use finest::Finest;
 

@@ -28,7 +28,6 @@ mod weights;
 
 pub use checkpoint::Checkpoint;
 pub use factors::{Factors, Weighted};
-pub(crate) use gram::gram;
 pub(crate) use grow::left_out;
 pub use grow::{factorize, factorize_resumable};
 pub use settings::{Enough, Settings, Statistics};
