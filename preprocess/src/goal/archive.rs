@@ -166,6 +166,34 @@ impl Trials<'_> {
         }
     }
 
+    /// Searches the step at one rank and keeps the best archive of all ranks so far. `price` is what is to be `least`,
+    /// `None` for an outcome that misses the goal; gives that of the step found.
+    fn search(
+        &mut self,
+        rank: usize,
+        least: &mut f64,
+        price: impl Fn(&Outcome) -> Option<f64>,
+        find: impl FnOnce(f64, &mut dyn FnMut(f64) -> Result<Outcome>) -> Result<Option<(f64, Outcome)>>,
+    ) -> Result<Option<f64>> {
+        let guess = self.guess;
+        let mut kept = None;
+        let found = find(guess, &mut |step| {
+            let outcome = self.run(rank, step)?;
+            if let Some(price) = price(&outcome).filter(|price| price < least) {
+                *least = price;
+                kept = self.last.take();
+            }
+            Ok(outcome)
+        })?;
+        if kept.is_some() {
+            self.best = kept;
+        }
+        if let Some((step, _)) = found {
+            self.guess = step;
+        }
+        Ok(found.and_then(|(_, outcome)| price(&outcome)))
+    }
+
     /// The cheapest archive with at most this relative error.
     fn for_error(&mut self, limit: f64) -> Result<()> {
         let factors = self.factors;
@@ -186,23 +214,10 @@ impl Trials<'_> {
             if factors.residual_energy_of(rank) > limit * limit * factors.energy {
                 return Ok(None);
             }
-            let guess = self.guess;
-            let mut kept = None;
-            let found = step_for_error(limit, guess, |step| {
-                let outcome = self.run(rank, step)?;
-                if outcome.error <= limit && outcome.bytes < least {
-                    least = outcome.bytes;
-                    kept = self.last.take();
-                }
-                Ok(outcome)
-            })?;
-            if kept.is_some() {
-                self.best = kept;
-            }
-            if let Some((step, _)) = found {
-                self.guess = step;
-            }
-            Ok(found.map(|(_, outcome)| outcome.bytes))
+            let price = |outcome: &Outcome| (outcome.error <= limit).then_some(outcome.bytes);
+            self.search(rank, &mut least, price, |guess, trial| {
+                step_for_error(limit, guess, trial)
+            })
         })?;
         if self.best.is_none() && self.last.is_none() {
             // For what can be reached.
@@ -222,23 +237,10 @@ impl Trials<'_> {
         ranks.dedup();
         let mut least = f64::INFINITY;
         descend(&ranks, ranks.len() / 2, |rank| {
-            let guess = self.guess;
-            let mut kept = None;
-            let found = step_for_bytes(limit, guess, |step| {
-                let outcome = self.run(rank, step)?;
-                if outcome.bytes <= limit && outcome.error < least {
-                    least = outcome.error;
-                    kept = self.last.take();
-                }
-                Ok(outcome)
-            })?;
-            if kept.is_some() {
-                self.best = kept;
-            }
-            if let Some((step, _)) = found {
-                self.guess = step;
-            }
-            Ok(found.map(|(_, outcome)| outcome.error))
+            let price = |outcome: &Outcome| (outcome.bytes <= limit).then_some(outcome.error);
+            self.search(rank, &mut least, price, |guess, trial| {
+                step_for_bytes(limit, guess, trial)
+            })
         })?;
         Ok(())
     }
