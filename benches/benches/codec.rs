@@ -21,7 +21,7 @@ fn codec(criterion: &mut Criterion) {
     let pyramid = Pyramid::new(256, 256, true).expect("a valid size");
     let mut mips = vec![benches::eigen_textures(256)];
     for _ in 0..pyramid.tail_mip() {
-        let coarser = mips[mips.len() - 1].downsample(true);
+        let coarser = mips[mips.len() - 1].downsample();
         mips.push(coarser);
     }
     let mut group = criterion.benchmark_group("page");

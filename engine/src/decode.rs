@@ -269,7 +269,7 @@ mod tests {
             texels,
         }];
         for _ in 0..pyramid.tail_mip() {
-            mips.push(mips[mips.len() - 1].downsample(true));
+            mips.push(mips[mips.len() - 1].downsample());
         }
         let mut writer = ArchiveWriter::new(manifest.clone()).unwrap();
         let mut pages: Vec<(PageId, Bytes, Page)> = Vec::new();

@@ -82,7 +82,7 @@ fn build(size: (u32, u32), wrap: bool, cosine: bool, components: u32, scale: f64
                 .collect(),
         }];
         for mip in 1..usize::from(pyramid.mip_count()) {
-            images.push(images[mip - 1].downsample(wrap));
+            images.push(images[mip - 1].downsample());
         }
         let mut decoded: Vec<Page> = Vec::new();
         for tile in pyramid.tiles() {

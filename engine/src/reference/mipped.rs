@@ -95,7 +95,7 @@ impl<S: Samples> Mipped<S> {
     fn mips(&self, finest: MipImage) -> Vec<MipImage> {
         let mut mips = vec![finest];
         for mip in 1..usize::from(self.pyramid.mip_count()) {
-            mips.push(mips[mip - 1].downsample(self.pyramid.wrap()));
+            mips.push(mips[mip - 1].downsample());
         }
         mips
     }

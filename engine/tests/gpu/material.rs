@@ -145,7 +145,7 @@ impl Recipe {
         for group in 0..self.groups {
             let mut mips = vec![self.finest(group)];
             while mips.len() <= usize::from(pyramid.tail_mip()) {
-                mips.push(mips.last().unwrap().downsample(self.wrap));
+                mips.push(mips.last().unwrap().downsample());
             }
             let square: f32 = mips[0].texels.iter().flatten().map(|v| v * v).sum();
             let weight = f64::from(square) / f64::from(self.width * self.height);

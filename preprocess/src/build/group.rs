@@ -92,7 +92,7 @@ impl Material<'_> {
     fn mips(&self, group: u16) -> Vec<MipImage> {
         let mut mips = vec![self.finest_mip(group)];
         for _ in 0..self.pyramid.tail_mip() {
-            mips.push(mips[mips.len() - 1].downsample(self.manifest.wrap));
+            mips.push(mips[mips.len() - 1].downsample());
         }
         mips
     }

@@ -63,7 +63,7 @@ pub(crate) fn archive(seed: u32) -> Vec<u8> {
             texels,
         }];
         for _ in 0..pyramid.tail_mip() {
-            mips.push(mips.last().unwrap().downsample(true));
+            mips.push(mips.last().unwrap().downsample());
         }
         let mut decoded: BTreeMap<Tile, Page> = BTreeMap::new();
         for tile in pyramid.tiles() {

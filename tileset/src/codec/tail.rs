@@ -28,7 +28,7 @@ pub(super) fn assemble(pyramid: &Pyramid, page: &mut Page) {
     };
     for level in root.mip..pyramid.mip_count() {
         if level > root.mip {
-            mip = mip.downsample(pyramid.wrap());
+            mip = mip.downsample();
             for texel in &mut mip.texels {
                 *texel = texel.map(|value| f16::from_f32(value).to_f32());
             }

@@ -55,7 +55,7 @@ pub(crate) fn image(width: u32, height: u32, seed: u32) -> MipImage {
 pub(crate) fn mips(finest: MipImage, pyramid: &Pyramid) -> Vec<MipImage> {
     let mut mips = vec![finest];
     for _ in 1..pyramid.mip_count() {
-        mips.push(mips.last().unwrap().downsample(pyramid.wrap()));
+        mips.push(mips.last().unwrap().downsample());
     }
     mips
 }

@@ -36,7 +36,7 @@ fn coded(width: u32, height: u32, step: f64, seed: u32) -> Coded {
         texels: texels.collect(),
     }];
     for mip in 0..usize::from(pyramid.tail_mip()) {
-        mips.push(mips[mip].downsample(false));
+        mips.push(mips[mip].downsample());
     }
     let mut tables = None;
     for _ in 0..3 {
