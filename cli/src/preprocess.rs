@@ -95,7 +95,7 @@ impl From<Weighting> for Weights {
 const EXAMPLES: &str = "\
 Examples:
   eigentile preprocess leather.npy -o tiles/leather.bsvtf
-  eigentile preprocess leather.npy -o tiles/leather.bsvtf --target-error 0.05
+  eigentile preprocess leather.npy -o tiles/leather.bsvtf --target-error 0.2
   eigentile preprocess leather.npy -o small.bsvtf --max-bytes 2MB
   eigentile preprocess leather.npy -o small.bsvtf --components 32 --quality 0.05
   make-btf | eigentile preprocess - -o made.bsvtf --directions made.json
