@@ -3,7 +3,7 @@
 //! Magnitudes up to 11 are symbols of their own; beyond, a symbol gives the number of further bits (Exp-Golomb).
 
 use super::context::{self, CLASSES, Profile};
-use crate::codec::rans::{Decoder, Encoder, Model};
+use crate::codec::rans::{Buckets, Decoder, Encoder, Model};
 
 /// Symbols that are the magnitude itself.
 const DIRECT: u32 = 12;
@@ -109,8 +109,8 @@ pub(super) fn decode(
     mut take: impl FnMut(usize, usize, u32, bool),
 ) -> Result<(), String> {
     let mut decoder = Decoder::new(bytes)?;
-    let by_class: [&Model; CLASSES] =
-        std::array::from_fn(|class| &models.models[usize::from(models.of_class[class])]);
+    let by_class: [&Buckets; CLASSES] =
+        std::array::from_fn(|class| &models.models[usize::from(models.of_class[class])].buckets);
     context::walk(profile, component_levels, |place, c, class| {
         let symbol = decoder.symbol(c, by_class[class]) as u32;
         if symbol == 0 {

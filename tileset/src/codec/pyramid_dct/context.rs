@@ -5,8 +5,7 @@
 //! other three. The weights are those of a least-squares fit to eigen-textures of cloth, rounded. Integers, and one
 //! conversion to f32 that rounds the same way everywhere.
 
-use super::scan::Place;
-use super::transform::{AREA, SIDE};
+use super::transform::SIDE;
 
 /// Models of coefficients.
 pub(super) const MODELS: usize = 48;
@@ -14,25 +13,30 @@ pub(super) const MODELS: usize = 48;
 const UNIT: f32 = 4096.0;
 /// Weight of the mean magnitude in the tables.
 const MEAN_WEIGHT: f32 = 0.38;
-/// Weights of neighbours in units of 1/128, [`NEIGHBOUR_UNIT`]: for the same component those of the left and upper
-/// one, the one between, and the second to the left and above; for all components together the first two, and the
-/// other three.
-const SIDES: i32 = 11;
-const CORNER: i32 = 5;
-const SECONDS: i32 = 8;
-const ALL_SIDES: i32 = 3;
-const ALL_OTHERS: i32 = 1;
-const NEIGHBOUR_UNIT: i32 = 32;
+/// What a magnitude adds to what is expected of the same component, and of all four, in the same unit: as left or upper
+/// neighbour, as the one between, and as the second to the left or above.
+pub(super) const SIDE_WEIGHTS: [i32; 2] = [11 * 32, 3 * 32];
+pub(super) const CORNER_WEIGHTS: [i32; 2] = [5 * 32, 32];
+pub(super) const SECOND_WEIGHTS: [i32; 2] = [8 * 32, 32];
 /// Magnitudes beyond this are taken for it; sums stay below 2³¹.
 const LARGEST: u32 = 1 << 15;
 
-/// Magnitudes of the levels of one diagonal of a block, by row behind two zeros, one lane a component. What lies
-/// outside of the block or comes from the parent is zero.
-pub(super) type Diagonal = [[u16; 4]; SIDE + 2];
-/// Nothing but zeros.
-pub(super) const EMPTY: Diagonal = [[0; 4]; SIDE + 2];
-/// Where [`Diagonal`] holds the first row.
-pub(super) const FIRST_ROW: usize = 2;
+/// Side of the grid of [`Expected`]: a block, and the neighbours that its last rows and columns name.
+pub(super) const GRID_SIDE: usize = SIDE + 2;
+pub(super) const GRID_AREA: usize = GRID_SIDE * GRID_SIDE;
+
+/// Where those lie in the grid whose neighbour a place is, and with which weights.
+const NEIGHBOURS: [(&[usize], [i32; 2]); 3] = [
+    (&[1, GRID_SIDE], SIDE_WEIGHTS),
+    (&[GRID_SIDE + 1], CORNER_WEIGHTS),
+    (&[2, 2 * GRID_SIDE], SECOND_WEIGHTS),
+];
+
+/// Where a place of a block lies in the grid of [`Expected`].
+#[inline(always)]
+pub(super) fn grid_index(u: usize, v: usize) -> u16 {
+    (u * GRID_SIDE + v) as u16
+}
 
 /// What a context says about a level.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -45,8 +49,8 @@ pub(super) struct Context {
 
 /// A level as neighbours see it.
 #[inline(always)]
-pub(super) fn magnitude(level: i32) -> u16 {
-    level.unsigned_abs().min(LARGEST) as u16
+pub(super) fn magnitude(level: i32) -> i32 {
+    level.unsigned_abs().min(LARGEST) as i32
 }
 
 /// Classes of the mean magnitude in the tables: four an octave.
@@ -67,87 +71,39 @@ pub(super) fn class_of_mean(mean: f64) -> u8 {
         .unwrap_or(MEAN_CLASSES - 1)
 }
 
-/// What stands for the contexts of the four components' levels at one place: four classes of expected magnitude an
-/// octave.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Class([i32; 4]);
+/// What is expected at each place of a block from the magnitudes known so far, one lane a component; without the means.
+///
+/// Known magnitudes are handed on to the places whose neighbours they are, rather than gathered there: most are zero,
+/// and cost nothing.
+pub(super) struct Expected([[i32; 4]; GRID_AREA]);
 
-/// The classes in the rows of a diagonal that `places` name, from the last diagonal and the one before it; `means` by
-/// [`Place::like`] come from [`mean_of_class`].
-#[inline(always)]
-pub(super) fn classes(
-    last: &Diagonal,
-    before: &Diagonal,
-    places: &[Place],
-    means: &[i32; AREA],
-) -> [Class; SIDE] {
-    const LANES: usize = 4 * SIDE;
-    let last: &[u16; LANES + 8] = bytemuck::cast_ref(last);
-    let before: &[u16; LANES + 8] = bytemuck::cast_ref(before);
-    // All rows and components at once, which makes vectors.
-    let (mut own, mut all) = ([0; LANES], [0; LANES]);
-    for i in 0..LANES {
-        let (left, upper) = (i32::from(last[i + 8]), i32::from(last[i + 4]));
-        let (far_left, corner, far_upper) = (
-            i32::from(before[i + 8]),
-            i32::from(before[i + 4]),
-            i32::from(before[i]),
-        );
-        let (sides, seconds) = (left + upper, far_left + far_upper);
-        own[i] = (SIDES * sides + CORNER * corner + SECONDS * seconds) * NEIGHBOUR_UNIT;
-        all[i] = (ALL_SIDES * sides + ALL_OTHERS * (corner + seconds)) * NEIGHBOUR_UNIT;
+impl Expected {
+    /// Nothing known.
+    #[inline(always)]
+    pub(super) fn new() -> Self {
+        Self([[0; 4]; GRID_AREA])
     }
-    let (own, all): ([[i32; 4]; SIDE], [[i32; 4]; SIDE]) = (bytemuck::cast(own), bytemuck::cast(all));
-    let mut classes = [Class::default(); SIDE];
-    for place in places {
-        let row = usize::from(place.row) % SIDE;
-        let [a, b, c, d] = all[row];
-        // Far from overflow, as a test says; unchecked, this is vectors too.
-        let shared = a
-            .wrapping_add(c)
-            .wrapping_add(b.wrapping_add(d))
-            .wrapping_add(means[usize::from(place.like)]);
-        for (to, own) in classes[row].0.iter_mut().zip(own[row]) {
-            *to = class(own.wrapping_add(shared));
+
+    /// Takes the magnitudes at a place ([`magnitude`], [`grid_index`]) into account.
+    #[inline(always)]
+    pub(super) fn add(&mut self, place: u16, magnitudes: [i32; 4]) {
+        let all: i32 = magnitudes.iter().sum();
+        let share = |[own, others]: [i32; 2]| magnitudes.map(|magnitude| own * magnitude + others * all);
+        let place = usize::from(place);
+        for (offsets, weights) in NEIGHBOURS {
+            for &offset in offsets {
+                for (sum, share) in self.0[place + offset].iter_mut().zip(share(weights)) {
+                    // Far from overflow, as a test says.
+                    *sum = sum.wrapping_add(share);
+                }
+            }
         }
     }
-    classes
-}
 
-impl Class {
-    /// Whether no context has a shift, so that [`Self::models`] says all.
+    /// The contexts at a place whose mean is `mean`, from [`mean_of_class`].
     #[inline(always)]
-    pub(super) fn are_unshifted(&self) -> bool {
-        self.largest() < FIRST_SHIFTED
-    }
-
-    /// Whether all four levels are likely to be zero.
-    #[inline(always)]
-    pub(super) fn are_likely_zero(&self) -> bool {
-        self.largest() < LIKELY_ZERO
-    }
-
-    #[inline(always)]
-    fn largest(&self) -> i32 {
-        let [a, b, c, d] = self.0;
-        a.max(c).max(b.max(d))
-    }
-
-    /// The models of contexts without shifts.
-    #[inline(always)]
-    pub(super) fn models(&self) -> [usize; 4] {
-        let mut models = [0; 4];
-        for (model, class) in models.iter_mut().zip(self.0) {
-            // The second is the larger one from the first whole class on.
-            *model = (class >> 1).max(class.wrapping_sub(FIRST_WHOLE / 2)) as usize;
-        }
-        models
-    }
-
-    /// The contexts.
-    #[inline(always)]
-    pub(super) fn contexts(&self) -> [Context; 4] {
-        self.0.map(|class| CONTEXTS[(class & 127) as usize])
+    pub(super) fn contexts(&self, place: u16, mean: i32) -> [Context; 4] {
+        self.0[usize::from(place)].map(|sum| context(class(sum.wrapping_add(mean))))
     }
 }
 
@@ -159,40 +115,30 @@ fn class(expected: i32) -> i32 {
 }
 
 /// Classes below, of magnitudes less than 1/64, have a model in pairs.
-const FIRST_WHOLE: i32 = 4 * 6;
+pub(super) const FIRST_WHOLE: i32 = 4 * 6;
 /// Classes from here on, of magnitudes from 8 on, have the models of 4 to 8, shifted.
-const FIRST_SHIFTED: i32 = 4 * 15;
+pub(super) const FIRST_SHIFTED: i32 = 4 * 15;
+/// Models of 4 to 8 begin here.
+pub(super) const FIRST_SHIFTED_MODEL: i32 = MODELS as i32 - 4;
 
-/// Classes below, of magnitudes less than 1/16, are nearly always zero.
-const LIKELY_ZERO: i32 = 4 * 8;
-
-/// Contexts by class: a quarter of an octave each, from 1/64 to 8; below it half an octave; above it those of 4 to 8,
-/// shifted.
-static CONTEXTS: [Context; 128] = {
-    let mut contexts = [Context { model: 0, shift: 0 }; 128];
-    let mut class = 0;
-    while class < 128 {
-        let octave = class >> 2;
-        contexts[class] = if octave < 6 {
-            Context {
-                model: (class >> 1) as u8,
-                shift: 0,
-            }
-        } else if octave < 15 {
-            Context {
-                model: (12 + class - 24) as u8,
-                shift: 0,
-            }
-        } else {
-            Context {
-                model: (MODELS - 4 + (class & 3)) as u8,
-                shift: (octave - 14) as u8,
-            }
-        };
-        class += 1;
+/// The context of a class: a quarter of an octave each, from 1/64 to 8; below it half an octave; above it those of 4 to
+/// 8, shifted.
+#[inline(always)]
+pub(super) fn context(class: i32) -> Context {
+    if class < FIRST_SHIFTED {
+        // The second is the larger one from the first whole class on.
+        let model = (class >> 1).max(class - FIRST_WHOLE / 2);
+        Context {
+            model: model as u8,
+            shift: 0,
+        }
+    } else {
+        Context {
+            model: (FIRST_SHIFTED_MODEL + (class & 3)) as u8,
+            shift: ((class >> 2) - (FIRST_SHIFTED >> 2) + 1) as u8,
+        }
     }
-    contexts
-};
+}
 
 #[cfg(test)]
 mod tests {
@@ -200,7 +146,7 @@ mod tests {
 
     #[test]
     fn contexts_rise_with_the_expected_magnitude() {
-        let context = |expected| Class([class(expected); 4]).contexts()[0];
+        let context = |expected| super::context(class(expected));
         let rank = |expected| {
             let Context { model, shift } = context(expected);
             u32::from(shift) * 4 + u32::from(model)
@@ -217,30 +163,41 @@ mod tests {
     }
 
     #[test]
-    fn models_are_those_of_the_contexts() {
-        for first in 0..FIRST_SHIFTED - 3 {
-            let class = Class(std::array::from_fn(|c| first + c as i32));
-            assert!(class.are_unshifted());
-            assert_eq!(
-                class.models(),
-                class.contexts().map(|context| usize::from(context.model))
-            );
-            assert!(class.contexts().iter().all(|context| context.shift == 0));
+    fn sums_do_not_overflow() {
+        let mut expected = Expected::new();
+        for (u, v) in [(0, 2), (1, 1), (1, 2), (2, 0), (2, 1)] {
+            expected.add(grid_index(u, v), [LARGEST as i32; 4]);
         }
-        assert!(!Class([0, 0, FIRST_SHIFTED, 0]).are_unshifted());
+        let mean = mean_of_class(MEAN_CLASSES - 1);
+        let sum = expected.0[usize::from(grid_index(2, 2))][0];
+        assert!(sum > 0 && sum.checked_add(mean).is_some());
+        let found = expected.contexts(grid_index(2, 2), mean);
+        assert!(found.iter().all(|context| context.shift > 0));
+        assert_eq!(magnitude(i32::MIN), LARGEST as i32);
     }
 
     #[test]
-    fn sums_do_not_overflow() {
-        let diagonal = [[LARGEST as u16; 4]; SIDE + 2];
-        let place = Place {
-            at: 255,
-            row: 15,
-            like: 255,
-        };
-        let found = classes(&diagonal, &diagonal, &[place], &[mean_of_class(255); AREA]);
-        assert!(found[15].contexts().iter().all(|context| context.shift > 0));
-        assert_eq!(magnitude(i32::MIN), LARGEST as u16);
+    fn five_neighbours_of_lower_frequency_count() {
+        let magnitudes = [1, 2, 3, 4];
+        let share = |[own, others]: [i32; 2]| magnitudes.map(|m| own * m + others * 10);
+        let (side, corner, second) = (share(SIDE_WEIGHTS), share(CORNER_WEIGHTS), share(SECOND_WEIGHTS));
+        for u in 0..SIDE {
+            for v in 0..SIDE {
+                let mut expected = Expected::new();
+                expected.add(grid_index(u, v), magnitudes);
+                for x in 0..SIDE {
+                    for y in 0..SIDE {
+                        let wanted = match (x.wrapping_sub(u), y.wrapping_sub(v)) {
+                            (1, 0) | (0, 1) => side,
+                            (1, 1) => corner,
+                            (2, 0) | (0, 2) => second,
+                            _ => [0; 4],
+                        };
+                        assert_eq!(expected.0[usize::from(grid_index(x, y))], wanted);
+                    }
+                }
+            }
+        }
     }
 
     #[test]

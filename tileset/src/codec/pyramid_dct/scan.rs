@@ -1,6 +1,7 @@
 //! The order of a block's coefficients: by diagonals of rising frequency, so that those of one diagonal know all
 //! neighbours of lower frequency.
 
+use super::context::grid_index;
 use super::transform::SIDE;
 
 /// Diagonals of a full block; `u + v` is the number of a diagonal.
@@ -11,8 +12,8 @@ pub(super) const DIAGONALS: usize = 2 * SIDE - 1;
 pub(super) struct Place {
     /// Index in the block, `u`·16 + `v`.
     pub at: u8,
-    /// Row of the block, `v`.
-    pub row: u8,
+    /// The place for its neighbours; see [`super::context::grid_index`].
+    pub grid: u16,
     /// Index of the place in a full block that has this share of the highest frequency: whose statistics hold.
     pub like: u8,
 }
@@ -37,7 +38,7 @@ impl Scan {
                 let u = diagonal - v;
                 (u >= low.0 || v >= low.1).then_some(Place {
                     at: (u * SIDE + v) as u8,
-                    row: v as u8,
+                    grid: grid_index(u, v),
                     like: (v * SIDE / height * SIDE + u * SIDE / width) as u8,
                 })
             }));
@@ -45,18 +46,10 @@ impl Scan {
         Self { places, starts }
     }
 
-    /// The places of a diagonal.
+    /// The places of the first `diagonals` diagonals.
     #[inline(always)]
-    pub(super) fn diagonal(&self, diagonal: usize) -> &[Place] {
-        match self.starts.get(diagonal..diagonal + 2) {
-            Some(&[start, end]) => &self.places[usize::from(start)..usize::from(end)],
-            _ => &[],
-        }
-    }
-
-    /// The number of places in the first `diagonals` diagonals.
-    pub(super) fn count(&self, diagonals: usize) -> usize {
-        usize::from(self.starts[diagonals.min(DIAGONALS)])
+    pub(super) fn places(&self, diagonals: usize) -> &[Place] {
+        &self.places[..usize::from(self.starts[diagonals.min(DIAGONALS)])]
     }
 
     /// How many diagonals hold the first `places` places.
@@ -95,14 +88,11 @@ mod tests {
                 assert_eq!(scan.diagonals(count), sum + 1);
             }
             assert_eq!(scan.diagonals(0), 0);
-            assert_eq!(scan.count(0), 0);
-            assert_eq!(scan.count(DIAGONALS), places.len());
-            assert!(
-                (0..DIAGONALS)
-                    .flat_map(|diagonal| scan.diagonal(diagonal))
-                    .eq(places)
-            );
-            assert!(scan.diagonal(DIAGONALS).is_empty());
+            assert!(scan.places(0).is_empty());
+            for diagonals in 0..=DIAGONALS {
+                let count = sums.iter().filter(|&&sum| sum < diagonals).count();
+                assert_eq!(scan.places(diagonals), &places[..count]);
+            }
         }
         assert_eq!(
             Scan::new((8, 8), (4, 4)).places.last().unwrap().like,

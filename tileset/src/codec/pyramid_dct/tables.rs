@@ -1,10 +1,12 @@
 //! What all pages of an archive share: statistics of frequencies, models of levels, points of reconstruction.
 
+use bytemuck::Zeroable;
+
 use super::context::{Context, MEAN_CLASSES, MODELS, class_of_mean, mean_of_class};
 use super::levels::{END_MODELS, ESCAPE, Found, SYMBOLS, Sink, symbol_of};
 use super::scan::DIAGONALS;
 use super::transform::AREA;
-use crate::codec::rans::{Model, read_models, write_models};
+use crate::codec::rans::{Buckets, Model, read_models, write_models};
 use crate::{Pyramid, Result, error::corrupt, frame};
 
 /// Groups that share statistics of frequencies: 20 components.
@@ -31,8 +33,11 @@ pub struct PageTables {
     offsets: Vec<[i8; 2]>,
     /// Bits of each symbol, by context.
     bits: Vec<[f32; SYMBOLS]>,
+    /// Those of the models of levels, in one place for those who decode. Sizes are powers of two, so that no index needs
+    /// a check; there are fewer models.
+    pub(super) buckets: Box<[Buckets; 64]>,
     /// Coefficient in steps, by context and symbol.
-    pub(super) values: Vec<[f32; 64]>,
+    pub(super) values: Box<[[f32; 64]; 64]>,
 }
 
 impl std::fmt::Debug for PageTables {
@@ -69,15 +74,17 @@ impl PageTables {
             .iter()
             .map(|classes| classes.map(mean_of_class))
             .collect();
-        let values = offsets
-            .iter()
-            .map(|&offsets| {
-                std::array::from_fn(|symbol| {
-                    let magnitude = symbol.div_ceil(2) as i32;
-                    value(offsets, if symbol % 2 == 0 { -magnitude } else { magnitude })
-                })
-            })
-            .collect();
+        let mut values = Box::new([[0.0; 64]; 64]);
+        for (values, &offsets) in values.iter_mut().zip(&offsets) {
+            *values = std::array::from_fn(|symbol| {
+                let magnitude = symbol.div_ceil(2) as i32;
+                value(offsets, if symbol % 2 == 0 { -magnitude } else { magnitude })
+            });
+        }
+        let mut buckets = Box::new([Buckets::zeroed(); 64]);
+        for (buckets, model) in buckets.iter_mut().zip(&models) {
+            *buckets = model.buckets;
+        }
         let bits = models
             .iter()
             .map(|model| std::array::from_fn(|symbol| model.bits(symbol)));
@@ -90,6 +97,7 @@ impl PageTables {
             models,
             ends,
             offsets,
+            buckets,
             values,
         }
     }

@@ -39,7 +39,7 @@ struct Forward<'a> {
 impl dispatch::Work for Forward<'_> {
     type Output = ();
     #[inline(always)]
-    fn run(self) {
+    fn run(self, _: impl dispatch::Processor) {
         forward_here(self.block, self.size);
     }
 }
@@ -53,7 +53,7 @@ struct Inverse<'a> {
 impl dispatch::Work for Inverse<'_> {
     type Output = ();
     #[inline(always)]
-    fn run(self) {
+    fn run(self, _: impl dispatch::Processor) {
         inverse_here(self.block, self.size, self.nonzero);
     }
 }
@@ -62,7 +62,7 @@ impl dispatch::Work for Inverse<'_> {
 #[inline(always)]
 pub(super) fn forward_here(block: &mut Block, (width, height): (usize, usize)) {
     forward_lines(block, height, width);
-    transpose(block, width);
+    transpose(block, width.max(height));
     forward_lines(block, width, height);
 }
 
@@ -70,18 +70,16 @@ pub(super) fn forward_here(block: &mut Block, (width, height): (usize, usize)) {
 #[inline(always)]
 pub(super) fn inverse_here(block: &mut Block, (width, height): (usize, usize), nonzero: usize) {
     inverse_lines(block, width, height.min(nonzero), nonzero);
-    transpose(block, SIDE);
+    transpose(block, width.max(height));
     inverse_lines(block, height, width, nonzero);
 }
 
-/// Exchanges rows and columns; the first `count` of each row can be other than zero.
+/// Exchanges rows and columns of the upper left corner of `side` × `side`.
 #[inline(always)]
-fn transpose(block: &mut Block, count: usize) {
-    let from = *block;
-    let (rows, _) = from.as_chunks::<SIDE>();
-    for (x, to) in block.as_chunks_mut::<SIDE>().0.iter_mut().enumerate().take(count) {
-        for y in 0..SIDE {
-            to[y] = rows[y][x];
+fn transpose(block: &mut Block, side: usize) {
+    for y in 1..side.min(SIDE) {
+        for x in 0..y {
+            block.swap(y * SIDE + x, x * SIDE + y);
         }
     }
 }

@@ -1,7 +1,14 @@
-use super::*;
-use crate::codec::pyramid_dct::dispatch::Work;
-use proptest::prelude::*;
 use std::collections::HashMap;
+
+use half::f16;
+use proptest::prelude::*;
+
+use super::decode::{Payload, parent_of};
+use super::*;
+use crate::codec::MipImage;
+use crate::codec::pyramid_dct::dispatch::{self, Any, Work};
+use crate::codec::pyramid_dct::tables::{PageTables, Statistics};
+use crate::{PAGE_TEXELS, Page, PageId, Result, SLOT_AREA, SLOT_TEXELS};
 
 /// A group's pages, and what they decode with.
 struct Coded {
@@ -79,7 +86,7 @@ impl Coded {
         if best {
             dispatch::run(payload)
         } else {
-            payload.run()
+            payload.run(Any)
         }?;
         Ok(Page { texels })
     }

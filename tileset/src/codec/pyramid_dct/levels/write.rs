@@ -1,0 +1,136 @@
+//! Coefficients to levels to symbols.
+
+use super::{ESCAPE, end_model, symbol_of};
+use crate::codec::pyramid_dct::context::{Context, Expected, magnitude};
+use crate::codec::pyramid_dct::scan::{DIAGONALS, Place, Scan};
+use crate::codec::pyramid_dct::tables::PageTables;
+use crate::codec::pyramid_dct::transform::{AREA, Block};
+use crate::codec::rans::{Encoder, Model};
+
+/// Takes symbols: counts or codes them.
+pub(in crate::codec::pyramid_dct) trait Sink {
+    /// The number of diagonals of a block.
+    fn end(&mut self, model: usize, end: usize);
+    /// The levels of the four components at one place.
+    fn levels(&mut self, found: &[Found; 4]);
+}
+
+/// A level and how it came about.
+#[derive(Clone, Copy, Debug, Default)]
+pub(in crate::codec::pyramid_dct) struct Found {
+    /// Whose statistics hold for it; see [`super::scan::Place::like`].
+    pub like: u8,
+    /// Its context.
+    pub context: Context,
+    /// The coefficient in steps.
+    pub coefficient: f32,
+    /// What is coded for it.
+    pub level: i32,
+}
+
+/// Chooses the levels of a block of coefficients, given in steps, and gives them to `sink`; returns the number of
+/// diagonals.
+pub(in crate::codec::pyramid_dct) fn write(
+    sink: &mut impl Sink,
+    scan: &Scan,
+    means: &[i32; AREA],
+    last_end: usize,
+    coefficients: &Block,
+    choose: impl Fn(f32, Context) -> i32,
+) -> usize {
+    let places = scan.places(DIAGONALS);
+    let mut levels = Vec::with_capacity(places.len());
+    let mut coded = 0;
+    let mut expected = Expected::new();
+    for &Place { at, grid, like } in places {
+        let contexts = expected.contexts(grid, means[usize::from(like)]);
+        let coefficient = coefficients[usize::from(at)].0;
+        let found: [Found; 4] = std::array::from_fn(|c| {
+            let (context, coefficient) = (contexts[c], coefficient[c]);
+            let level = choose(coefficient, context);
+            Found {
+                like,
+                context,
+                coefficient,
+                level,
+            }
+        });
+        levels.push(found);
+        if found.iter().any(|found| found.level != 0) {
+            coded = levels.len();
+            expected.add(grid, found.map(|found| magnitude(found.level)));
+        }
+    }
+    let end = scan.diagonals(coded);
+    sink.end(end_model(last_end), end);
+    for found in &levels[..scan.places(end).len()] {
+        sink.levels(found);
+    }
+    end
+}
+
+/// Codes with the models of `tables`.
+pub(in crate::codec::pyramid_dct) struct Coder<'a> {
+    pub(in crate::codec::pyramid_dct) tables: &'a PageTables,
+    pub(in crate::codec::pyramid_dct) encoder: Encoder<'a>,
+    /// Sum of the squares of what the levels stand for, in steps.
+    pub(in crate::codec::pyramid_dct) energy: f64,
+}
+
+impl Sink for Coder<'_> {
+    fn end(&mut self, model: usize, end: usize) {
+        self.encoder.symbol(0, &self.tables.ends[model], end);
+    }
+
+    fn levels(&mut self, found: &[Found; 4]) {
+        // All symbols first: a decoder takes them from four lanes at once.
+        let symbols = found.map(|found| self.symbol(&found));
+        for (lane, (found, symbol)) in found.iter().zip(symbols).enumerate() {
+            let model = &self.tables.models[usize::from(found.context.model)];
+            self.encoder.symbol(lane, model, symbol);
+            self.energy += f64::from(self.tables.value(found.context, found.level)).powi(2);
+        }
+        for (lane, (found, symbol)) in found.iter().zip(symbols).enumerate() {
+            self.rest(lane, found, symbol);
+        }
+    }
+}
+
+impl Coder<'_> {
+    fn model(&self, found: &Found) -> &Model {
+        &self.tables.models[usize::from(found.context.model)]
+    }
+
+    fn symbol(&self, found: &Found) -> usize {
+        symbol_of(found.level, found.context.shift)
+            .filter(|&symbol| self.model(found).bits(symbol).is_finite())
+            .unwrap_or(ESCAPE)
+    }
+
+    /// What the symbol does not say.
+    fn rest(&mut self, lane: usize, found: &Found, symbol: usize) {
+        let (shift, level) = (found.context.shift, found.level);
+        let magnitude = level.unsigned_abs();
+        if symbol == ESCAPE {
+            // The magnitude in units of 2^shift plus one has `count` bits behind its leading one.
+            let high = (magnitude >> shift) + 1;
+            let count = high.ilog2();
+            self.encoder.bits(lane, count, 5);
+            self.encoder
+                .bits(lane, high & ((1 << count.min(16)) - 1), count.min(16));
+            self.encoder.bits(
+                lane,
+                (high ^ 1 << count) >> count.min(16),
+                count.saturating_sub(16),
+            );
+            self.encoder.bits(lane, u32::from(level < 0), 1);
+        }
+        if shift > 0 {
+            let low = magnitude & ((1 << shift) - 1);
+            self.encoder.bits(lane, low, shift.into());
+            if magnitude >> shift == 0 && low > 0 {
+                self.encoder.bits(lane, u32::from(level < 0), 1);
+            }
+        }
+    }
+}

@@ -1,0 +1,214 @@
+//! Pages to records.
+
+use super::{Blocks, scan_of, step_at};
+use crate::codec::pyramid_dct::context::Context;
+use crate::codec::pyramid_dct::levels::{self, Coder, MAX_LEVEL, Sink};
+use crate::codec::pyramid_dct::tables::{Counter, PageTables, Statistics};
+use crate::codec::pyramid_dct::transform::{AREA, Block, SIDE, forward};
+use crate::codec::rans::Encoder;
+use crate::codec::{MipImage, page::check_step, region::HALF_MAX, texel::Texel};
+use crate::{Error, PAGE_TEXELS, PageId, Pyramid, Result, Tile};
+
+/// Squared error, in squared steps, that one bit may save: at high rates the error is step²/12 and falls to a
+/// quarter with each bit, so its slope is 2·ln 2 / 12.
+const ERROR_PER_BIT: f32 = std::f32::consts::LN_2 / 6.0;
+/// Rounding before anything is known of the distribution.
+const FIRST_ROUNDING: f32 = 0.4;
+
+/// One page's record.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CodedPage {
+    /// Where.
+    pub tile: Tile,
+    /// The record; empty if the page says nothing that its parent does not.
+    pub bytes: Vec<u8>,
+    /// Mean squared difference of the decoded page to its parent as the transform up-samples it, over the payload,
+    /// summed over the group's components (paper, equation 8); for the root the mean square of the page itself.
+    pub weight: f64,
+}
+
+/// Codes all pages of a group; `mips` are those of the pyramid down to the tail, the finest first. `step` is in units
+/// of texels of the finest mip.
+///
+/// # Errors
+/// [`Error::Invalid`] for mips of other sizes, values that half floats cannot hold, a step that is too small for the
+/// values, and tables without models.
+pub fn code_group(
+    step: f64,
+    pyramid: &Pyramid,
+    group: u16,
+    mips: &[MipImage],
+    tables: &PageTables,
+) -> Result<Vec<CodedPage>> {
+    if !tables.is_trained() {
+        return Err(Error::Invalid {
+            what: "tables of the page codec".into(),
+            detail: "they have no models yet".into(),
+        });
+    }
+    check(pyramid, mips)?;
+    let mut pages = Vec::with_capacity(pyramid.tile_count() as usize);
+    for tile in pyramid.tiles() {
+        let mut coder = Coder {
+            tables,
+            encoder: Encoder::default(),
+            energy: 0.0,
+        };
+        let page = PageId { group, tile };
+        let coded = walk(
+            step,
+            pyramid,
+            page,
+            &mips[usize::from(tile.mip)],
+            tables,
+            &mut coder,
+        )?;
+        let (width, height) = pyramid.payload(tile);
+        let mip_step = f64::from(step_at(step as f32, tile.mip));
+        pages.push(CodedPage {
+            tile,
+            bytes: if coded { coder.encoder.finish() } else { Vec::new() },
+            weight: coder.energy * mip_step * mip_step / f64::from(width * height),
+        });
+    }
+    Ok(pages)
+}
+
+/// Counts what the levels of a group would be. The first round knows no tables, the second those of the sums of the
+/// first, which have no models yet; from then on each round comes closer to what will be coded.
+///
+/// # Errors
+/// As [`code_group`].
+pub fn count_group(
+    step: f64,
+    pyramid: &Pyramid,
+    (group, groups): (u16, u32),
+    mips: &[MipImage],
+    tables: Option<&PageTables>,
+) -> Result<Statistics> {
+    check(pyramid, mips)?;
+    let mut statistics = Statistics::new(pyramid, groups, tables.is_some());
+    let none = Statistics::new(pyramid, groups, false).tables();
+    for tile in pyramid.tiles() {
+        let mut counter = Counter {
+            statistics: &mut statistics,
+            mip: tile.mip,
+            group,
+        };
+        let page = PageId { group, tile };
+        walk(
+            step,
+            pyramid,
+            page,
+            &mips[usize::from(tile.mip)],
+            tables.unwrap_or(&none),
+            &mut counter,
+        )?;
+    }
+    Ok(statistics)
+}
+
+/// Transforms a page and gives its levels to `sink`; says whether there is one that is not zero.
+fn walk(
+    step: f64,
+    pyramid: &Pyramid,
+    page: PageId,
+    mip: &MipImage,
+    tables: &PageTables,
+    sink: &mut impl Sink,
+) -> Result<bool> {
+    let step = step_at(check_step(step)?, page.tile.mip);
+    let means = tables.means(page.tile.mip, page.group);
+    let (left, top) = (
+        usize::from(page.tile.x) * PAGE_TEXELS as usize,
+        usize::from(page.tile.y) * PAGE_TEXELS as usize,
+    );
+    let (mut last_end, mut coded) = (0, false);
+    let mut spare = None;
+    let blocks = Blocks::new(pyramid, page.tile);
+    for place in blocks.corners().map(|corner| blocks.place(corner)) {
+        let mut block: Block = [Texel::default(); AREA];
+        for y in 0..place.size.1 {
+            let from = (top + place.y + y) * mip.width as usize + left + place.x;
+            for (to, from) in block[y * SIDE..]
+                .iter_mut()
+                .zip(&mip.texels[from..from + place.size.0])
+            {
+                *to = Texel(*from);
+            }
+        }
+        forward(&mut block, place.size);
+        let mut largest = 0f32;
+        for texel in &mut block {
+            *texel = *texel * (1.0 / step);
+            largest = texel
+                .0
+                .iter()
+                .fold(largest, |largest, value| largest.max(value.abs()));
+        }
+        if largest > MAX_LEVEL as f32 - 1.0 {
+            return Err(Error::Invalid {
+                what: "quantizer step".into(),
+                detail: format!(
+                    "{step} is too small for the values, which need {largest} steps of {MAX_LEVEL}"
+                ),
+            });
+        }
+        let scan = scan_of(&place, &mut spare);
+        last_end = levels::write(sink, scan, means, last_end, &block, |coefficient, context| {
+            choose(tables, coefficient, context)
+        });
+        coded |= last_end > 0;
+    }
+    Ok(coded)
+}
+
+/// The level next to a coefficient, given in steps, that has the least sum of squared error and bits.
+fn choose(tables: &PageTables, coefficient: f32, context: Context) -> i32 {
+    let magnitude = coefficient.abs();
+    if !tables.is_trained() {
+        let level = (magnitude + FIRST_ROUNDING) as i32;
+        return if coefficient < 0.0 { -level } else { level };
+    }
+    let signed = |level: i32| if coefficient < 0.0 { -level } else { level };
+    let nearest = (magnitude + 0.5) as i32;
+    let cost = |level: i32| {
+        let error = tables.value(context, level).abs() - magnitude;
+        error * error + ERROR_PER_BIT * tables.bits(context, signed(level))
+    };
+    match nearest {
+        0 => 0,
+        _ => signed(if cost(nearest - 1) < cost(nearest) {
+            nearest - 1
+        } else {
+            nearest
+        }),
+    }
+}
+
+/// Checks sizes and values.
+fn check(pyramid: &Pyramid, mips: &[MipImage]) -> Result<()> {
+    for level in 0..=pyramid.tail_mip() {
+        let (width, height) = pyramid.mip_size(level);
+        let found = mips
+            .get(usize::from(level))
+            .map_or((0, 0, 0), |mip| (mip.width, mip.height, mip.texels.len()));
+        if found != (width, height, width as usize * height as usize) {
+            return Err(Error::Invalid {
+                what: format!("mip {level} of {}x{}, {} texels", found.0, found.1, found.2),
+                detail: format!("the pyramid has {width}x{height} there"),
+            });
+        }
+    }
+    let values = mips[0].texels.as_flattened();
+    match values
+        .iter()
+        .find(|value| !(-HALF_MAX..=HALF_MAX).contains(*value))
+    {
+        None => Ok(()),
+        Some(bad) => Err(Error::Invalid {
+            what: "value of an eigen-texture".into(),
+            detail: format!("{bad} is not a number within ±{HALF_MAX}, scale the textures down"),
+        }),
+    }
+}
