@@ -12,7 +12,7 @@ fn step(state: u32, model: &Buckets) -> (usize, u32) {
     (meaning.symbol, state)
 }
 
-/// Takes symbols out of the bytes of [`Encoder::finish`], in the order in which they were pushed.
+/// Takes symbols out of the bytes of [`super::Encoder::finish`], in the order in which they were pushed.
 #[derive(Clone, Copy)]
 pub(crate) struct Decoder<'a> {
     pub(crate) states: [u32; LANES],

@@ -18,7 +18,7 @@ pub(in crate::codec::pyramid_dct) trait Sink {
 /// A level and how it came about.
 #[derive(Clone, Copy, Debug, Default)]
 pub(in crate::codec::pyramid_dct) struct Found {
-    /// Whose statistics hold for it; see [`super::scan::Place::like`].
+    /// Whose statistics hold for it; see [`Place::like`].
     pub like: u8,
     /// Its context.
     pub context: Context,
