@@ -52,14 +52,6 @@ impl Btf {
         &self.index.pyramid
     }
 
-    /// Words that the triangulations of its directions take on the GPU.
-    pub fn direction_words(&self) -> u64 {
-        let words = |of: &Triangulation| {
-            of.points.len() * 2 + of.triangles.len() * 6 + of.hull.len() + of.start.len()
-        };
-        (words(&self.views) + words(&self.lights)) as u64
-    }
-
     /// Four half floats each of a column in the cache: views × (lights and the ambient light) × 3.
     pub fn column_quads(&self) -> u64 {
         let Manifest { views, lights, .. } = &self.index.manifest;
@@ -91,12 +83,23 @@ pub struct Tables {
     pub votes: u32,
 }
 
+/// What a BTF adds to the tables.
+#[derive(Debug)]
+pub struct Added {
+    template: mirror::Material,
+    bases: Bases,
+    /// Words of its directions' triangulations, which belong behind the others'.
+    pub directions: Vec<u32>,
+    page_entries: u32,
+    votes: u32,
+}
+
 impl Tables {
-    /// Appends a BTF and gives back the words of its directions' triangulations, which belong behind the others'.
+    /// What a BTF would add.
     ///
     /// # Errors
-    /// [`Error::Budget`] if a table would have more than `most_words` entries; then nothing has changed.
-    pub fn add(&mut self, btf: &Btf, most_words: u32) -> Result<Vec<u32>> {
+    /// [`Error::Budget`] if a table would have more than `most_words` entries.
+    pub fn pack(&self, btf: &Btf, most_words: u32) -> Result<Added> {
         let tiles = u64::from(btf.pyramid().tile_count());
         let entries = u64::from(self.page_entries) + (tiles + 1) * u64::from(btf.groups());
         let votes = u64::from(self.votes) + tiles;
@@ -112,12 +115,21 @@ impl Tables {
             votes: self.votes,
         };
         let mut directions = Vec::new();
-        self.templates
-            .push(template(btf, bases, self.direction_words, &mut directions));
-        self.bases.push(bases);
-        self.direction_words += directions.len() as u32;
-        (self.page_entries, self.votes) = (entries as u32, votes as u32);
-        Ok(directions)
+        Ok(Added {
+            template: template(btf, bases, self.direction_words, &mut directions),
+            bases,
+            directions,
+            page_entries: entries as u32,
+            votes: votes as u32,
+        })
+    }
+
+    /// Adds it.
+    pub fn push(&mut self, added: &Added) {
+        self.templates.push(added.template);
+        self.bases.push(added.bases);
+        self.direction_words += added.directions.len() as u32;
+        (self.page_entries, self.votes) = (added.page_entries, added.votes);
     }
 
     /// One entry for each material of the scene. `btf_of` names its BTF; a BTF material without one shows `unknown`.

@@ -155,6 +155,11 @@ impl Renderer {
         self.frame.column_mask = (1 << columns.rows.width_shift) - 1;
     }
 
+    /// Slots of the page cache and of the column cache.
+    pub fn slots(&self) -> (u32, u32) {
+        self.materials.layout().slots()
+    }
+
     /// Pixels.
     pub fn size(&self) -> (u32, u32) {
         self.targets.size

@@ -163,11 +163,13 @@ impl Materials {
             pyramid: *btf.pyramid(),
         };
         let entries_bytes = region.entries() as u64 * 4;
-        self.directions.reserve(context, btf.direction_words() * 4)?;
-        self.page_table_buffer.reserve(context, entries_bytes)?;
         let most_words = (growing::most_bytes(context) / 4).min(u32::MAX.into());
-        let directions = self.tables.add(btf, most_words as u32)?;
-        self.directions.append(context, &directions);
+        let added = self.tables.pack(btf, most_words as u32)?;
+        self.directions
+            .reserve(context, added.directions.len() as u64 * 4)?;
+        self.page_table_buffer.reserve(context, entries_bytes)?;
+        self.tables.push(&added);
+        self.directions.append(context, &added.directions);
         // Written with all else that has changed in the table.
         self.page_table_buffer.skip(entries_bytes);
         self.page_table.add(region);
