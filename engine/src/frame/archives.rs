@@ -128,10 +128,10 @@ impl Archives {
         };
     }
 
-    /// The BTFs whose indices have been read since the last call, with their archives.
-    pub(super) fn take_read(&mut self, problems: &mut Problems) -> Vec<(usize, Btf)> {
+    /// BTFs whose indices have been read since the last call, at most so many, with their archives.
+    pub(super) fn take_read(&mut self, most: usize, problems: &mut Problems) -> Vec<(usize, Btf)> {
         let mut read = Vec::new();
-        for (archive, result) in self.workers.finished(usize::MAX) {
+        for (archive, result) in self.workers.finished(most) {
             let State::Read { attempts } = self.states[archive] else {
                 continue;
             };

@@ -75,7 +75,9 @@ impl Engine {
 
     /// Takes the materials whose archives have become known into tables and residency.
     pub(super) fn learn(&mut self) -> Result<()> {
-        let mut read = self.archives.take_read(&mut self.problems);
+        let mut read = self
+            .archives
+            .take_read(self.options.decodes_per_frame, &mut self.problems);
         if read.is_empty() {
             return Ok(());
         }

@@ -1,16 +1,16 @@
 //! Records on their way: from a plan to decoded pages and columns.
 //!
 //! An item is in one place at a time: `queue` (to be submitted), `tickets` (in flight), `pending` (here, waiting to be
-//! decoded), `decoding` (with the workers, or decoded and not handed out yet). What residency asked for is in `wanted`
+//! decoded), [`Decoding`] (with the workers, or decoded and not handed out yet). What residency asked for is in `wanted`
 //! until it is handed out; ancestors that the host has dropped travel the same way without being wanted.
 
-use std::collections::{HashMap, HashSet, VecDeque};
+use std::collections::{HashMap, VecDeque};
 use std::sync::Arc;
 
 use bytes::Bytes;
 use tileset::{Page, Record};
 
-use super::{options::Budgets, problems::Problems, stats::Counters, workers::Workers};
+use super::{decoding::Decoding, options::Budgets, problems::Problems, stats::Counters, workers::Workers};
 use crate::{
     Result,
     decode::{Decoded, Done, HostStore, Pending, Step},
@@ -22,7 +22,7 @@ use crate::{
 /// How often a record is asked for again when it does not match the directory.
 const ATTEMPTS: u32 = 3;
 
-/// Share of the newest record in the latency: that of some thirty counts.
+/// Least share of the newest record in the latency: after the first ones some thirty count.
 const LATENCY_SHARE: f64 = 1.0 / 32.0;
 
 /// Records between source and caches.
@@ -36,12 +36,10 @@ pub(super) struct Records {
     wanted: HashMap<Item, f64>,
     /// Seconds from there until it was decoded, of late.
     latency: f64,
+    /// Records of which that is known.
+    timed: f64,
     pending: VecDeque<Waiting>,
-    workers: Workers<(u64, Done)>,
-    /// What the workers decode, the ancestors that they decode on the way, and the bytes that this takes.
-    decoding: HashSet<Item>,
-    decoding_above: HashSet<Item>,
-    decoding_bytes: u64,
+    decoding: Decoding,
     damaged: HashMap<Item, u32>,
     failed: Vec<Item>,
     budgets: Budgets,
@@ -63,11 +61,9 @@ impl Records {
             bytes_in_flight: 0,
             wanted: HashMap::new(),
             latency: 0.0,
+            timed: 0.0,
             pending: VecDeque::new(),
-            workers,
-            decoding: HashSet::new(),
-            decoding_above: HashSet::new(),
-            decoding_bytes: 0,
+            decoding: Decoding::new(workers),
             damaged: HashMap::new(),
             failed: Vec::new(),
             budgets,
@@ -105,7 +101,7 @@ impl Records {
             if self.wanted.insert(item, now).is_some() {
                 continue;
             }
-            if self.decoding.contains(&item) {
+            if self.decoding.contains(item) {
                 // Asked for before, given up, and wanted again: it is on its way.
                 continue;
             }
@@ -229,7 +225,7 @@ impl Records {
         problems: &mut Problems,
     ) -> Parent {
         let waiting = &mut self.pending[at];
-        let busy = |item| self.decoding.contains(&item) || self.decoding_above.contains(&item);
+        let busy = |item| self.decoding.is_busy(item);
         let index = &btf_of(waiting.pending.item, btfs).index;
         match waiting.pending.step(index, &mut self.store, busy) {
             Ok(Step::Ready(parent)) => Parent::Ready(parent),
@@ -272,23 +268,15 @@ impl Records {
                         .extend(broken.filter(|item| self.wanted.remove(item).is_some()));
                 }
                 Parent::Ready(parent) => {
-                    let waiting = &self.pending[at].pending;
-                    let bytes = waiting.decoding_bytes(btf_of(waiting.item, btfs), parent.is_some());
-                    let room = self.decoding_bytes + bytes <= self.budgets.host_bytes / 4;
-                    if !room && self.workers.unfinished() > 0 {
-                        break;
-                    }
-                    let Some(Waiting { pending, .. }) = self.pending.remove(at) else {
+                    let Some(Waiting { pending, needs }) = self.pending.remove(at) else {
                         break;
                     };
-                    let material = material_of(pending.item);
-                    self.decoding_bytes += bytes;
-                    self.decoding.insert(pending.item);
-                    let ancestors = pending.ancestors().map(|page| Item::Page(material, page));
-                    self.decoding_above.extend(ancestors);
-                    let btf = btf_of(pending.item, btfs).clone();
-                    let job = pending.job(btf, parent);
-                    self.workers.start(move || (bytes, job.run()));
+                    let btf = btf_of(pending.item, btfs);
+                    let budget_bytes = self.budgets.host_bytes / 4;
+                    if let Err(pending) = self.decoding.start(pending, btf, parent, budget_bytes) {
+                        self.pending.insert(at, Waiting { pending, needs });
+                        break;
+                    }
                     started += 1;
                 }
             }
@@ -304,13 +292,8 @@ impl Records {
         problems: &mut Problems,
     ) -> Vec<(Item, Decoded)> {
         let mut finished = Vec::new();
-        for (bytes, done) in self.workers.finished(self.budgets.uploads_per_frame) {
+        for done in self.decoding.finished(self.budgets.uploads_per_frame) {
             let item = done.item;
-            self.decoding_bytes -= bytes;
-            self.decoding.remove(&item);
-            for above in done.above {
-                self.decoding_above.remove(&Item::Page(material_of(item), above));
-            }
             for (page, texels) in done.ancestors {
                 self.store.put_page(material_of(item), page, texels);
             }
@@ -322,7 +305,9 @@ impl Records {
                         self.store.put_page(material, page, texels.clone());
                     }
                     if let Some(asked) = self.wanted.remove(&item) {
-                        self.latency += LATENCY_SHARE * (now - asked - self.latency);
+                        self.timed += 1.0;
+                        let share = LATENCY_SHARE.max(1.0 / self.timed);
+                        self.latency += share * (now - asked - self.latency);
                         finished.push((item, decoded));
                     }
                 }
@@ -343,12 +328,12 @@ impl Records {
 
     /// Whether records are being decoded beside the frames.
     pub(super) fn decoding(&self) -> bool {
-        self.workers.unfinished() > 0
+        !self.decoding.idle()
     }
 
     /// Waits until something may have been decoded.
     pub(super) fn wait(&mut self, limit: std::time::Duration) {
-        self.workers.wait(limit);
+        self.decoding.wait(limit);
     }
 
     /// Items that could not be had since the last call.
@@ -358,7 +343,7 @@ impl Records {
 
     /// Nothing is queued, in flight or waiting.
     pub(super) fn idle(&self) -> bool {
-        self.queue.is_empty() && self.tickets.is_empty() && self.pending.is_empty() && !self.decoding()
+        self.queue.is_empty() && self.tickets.is_empty() && self.pending.is_empty() && self.decoding.idle()
     }
 
     /// Bytes held on the host.
@@ -368,7 +353,7 @@ impl Records {
 
     fn waiting_bytes(&self) -> u64 {
         let pending: u64 = self.pending.iter().map(|waiting| waiting.pending.bytes()).sum();
-        pending + self.decoding_bytes
+        pending + self.decoding.bytes()
     }
 
     /// What waits and what is being decoded counts against the budget of the store.

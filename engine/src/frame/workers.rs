@@ -4,7 +4,9 @@
 //! wait behind it. Without threads (browsers), and where every frame is to do the same with the same inputs, work
 //! waits in a queue, and each frame does as much of it as it is told.
 
-use std::{collections::VecDeque, sync::mpsc, time::Duration};
+#[cfg(not(target_arch = "wasm32"))]
+use std::sync::mpsc;
+use std::{collections::VecDeque, time::Duration};
 
 type Job<T> = Box<dyn FnOnce() -> T + Send>;
 
@@ -88,15 +90,19 @@ impl<T: Send + 'static> Workers<T> {
     }
 
     /// Waits until a result may be there, at most `limit`.
+    #[cfg(not(target_arch = "wasm32"))]
     pub(super) fn wait(&mut self, limit: Duration) {
-        match &mut self.place {
-            #[cfg(not(target_arch = "wasm32"))]
-            Place::Threads { receiver, ready, .. } if self.unfinished > 0 && ready.is_none() => {
-                *ready = receiver.recv_timeout(limit).ok();
-            }
-            _ => {}
+        if let Place::Threads { receiver, ready, .. } = &mut self.place
+            && self.unfinished > 0
+            && ready.is_none()
+        {
+            *ready = receiver.recv_timeout(limit).ok();
         }
     }
+
+    /// Nobody else works: there is nothing to wait for.
+    #[cfg(target_arch = "wasm32")]
+    pub(super) fn wait(&mut self, _limit: Duration) {}
 }
 
 /// All at once; the results are in the order of the jobs.

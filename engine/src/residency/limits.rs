@@ -14,7 +14,11 @@ impl Residency {
         self.resize(limits.page_slots, |residency| &mut residency.pages);
     }
 
+    /// Changes the slots of a cache.
     fn resize(&mut self, capacity: u32, pool: fn(&mut Self) -> &mut Pool) {
+        if pool(self).capacity() == capacity {
+            return;
+        }
         let empty = Pool::new(capacity);
         let pin = self.pins(&empty);
         let mut taken = std::mem::replace(pool(self), empty);

@@ -75,11 +75,11 @@ fn a_moving_camera_is_looked_ahead_of_while_records_take_time() {
     let archive = archive();
     let (scene, start) = still_life();
     let slow = Faults {
-        delay_polls: 40,
+        delay_polls: 20,
         ..Faults::default()
     };
     let at = |step: u32| Camera {
-        eye: start.eye + glam::Vec3::X * 0.02 * step as f32,
+        eye: start.eye + glam::Vec3::X * 0.01 * step as f32,
         ..start
     };
     let fly = |prefetch_seconds| {
@@ -90,14 +90,14 @@ fn a_moving_camera_is_looked_ahead_of_while_records_take_time() {
         };
         let mut engine = Engine::new(Context::headless().unwrap(), &scene, Box::new(line), options).unwrap();
         engine.wait_for_materials(LIMIT).unwrap();
-        for step in 0..40 {
+        for step in 0..80 {
             engine.frame(&at(step)).unwrap();
         }
-        settle(&mut engine, &at(40));
+        settle(&mut engine, &at(80));
         let looks = engine.counters().looks_ahead;
         // Nothing is ahead of a camera that stands.
         for _ in 0..10 {
-            assert!(engine.frame(&at(40)).unwrap().settled);
+            assert!(engine.frame(&at(80)).unwrap().settled);
         }
         assert_eq!(engine.counters().looks_ahead, looks);
         (looks, engine.picture().unwrap())
