@@ -85,7 +85,19 @@ impl Records {
         source: &mut dyn TileSource,
         counters: &mut Counters,
     ) {
-        for &item in &plan.cancel {
+        self.cancel(&plan.cancel, btfs, source, counters);
+        self.request(&plan.request, now, btfs, counters);
+    }
+
+    /// Gives items up.
+    fn cancel(
+        &mut self,
+        items: &[Item],
+        btfs: &[Arc<Btf>],
+        source: &mut dyn TileSource,
+        counters: &mut Counters,
+    ) {
+        for &item in items {
             if self.wanted.remove(&item).is_some() {
                 counters.requests_cancelled += 1;
                 self.queue.retain(|&queued| queued != item);
@@ -97,7 +109,11 @@ impl Records {
                 }
             }
         }
-        for &item in &plan.request {
+    }
+
+    /// Starts with items: those that the host still has can be decoded at once.
+    fn request(&mut self, items: &[Item], now: f64, btfs: &[Arc<Btf>], counters: &mut Counters) {
+        for &item in items {
             if self.wanted.insert(item, now).is_some() {
                 continue;
             }

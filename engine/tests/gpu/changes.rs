@@ -58,12 +58,12 @@ fn down_to_one_page_and_up_again_without_holes() {
     let (scene, camera) = still_life();
     let budget = |slots: u64| Options {
         page_cache_bytes: slots * SLOT_BYTES,
-        uploads_per_frame: 3,
-        ..options((160, 90))
+        uploads_per_frame: 5,
+        ..options((96, 54))
     };
     let mut changing = engine(&scene, archives, budget(200));
     settle(&mut changing, &camera);
-    for slots in [12, 1, 30, 5, 200] {
+    for slots in [12, 1, 30, 200] {
         changing.set_budgets(budget(slots).budgets()).unwrap();
         for _ in 0..200 {
             let stats = changing.frame(&camera).unwrap();

@@ -31,7 +31,7 @@ fn a_named_view_is_there_when_it_is_shown() {
         ..far
     };
     let wire_bytes = |prefetch: bool| {
-        let mut engine = engine(&scene, &[("weave", &archive)], options((240, 135)));
+        let mut engine = engine(&scene, &[("weave", &archive)], options((160, 90)));
         if prefetch {
             engine.prefetch(&near).unwrap();
         }
@@ -75,7 +75,7 @@ fn a_moving_camera_is_looked_ahead_of_while_records_take_time() {
     let archive = archive();
     let (scene, start) = still_life();
     let slow = Faults {
-        delay_polls: 20,
+        delay_polls: 12,
         ..Faults::default()
     };
     let at = |step: u32| Camera {
@@ -90,14 +90,14 @@ fn a_moving_camera_is_looked_ahead_of_while_records_take_time() {
         };
         let mut engine = Engine::new(Context::headless().unwrap(), &scene, Box::new(line), options).unwrap();
         engine.wait_for_materials(LIMIT).unwrap();
-        for step in 0..80 {
+        for step in 0..50 {
             engine.frame(&at(step)).unwrap();
         }
-        settle(&mut engine, &at(80));
+        settle(&mut engine, &at(50));
         let looks = engine.counters().looks_ahead;
         // Nothing is ahead of a camera that stands.
         for _ in 0..10 {
-            assert!(engine.frame(&at(80)).unwrap().settled);
+            assert!(engine.frame(&at(50)).unwrap().settled);
         }
         assert_eq!(engine.counters().looks_ahead, looks);
         (looks, engine.picture().unwrap())
