@@ -2,8 +2,9 @@
 //!
 //! [`Engine::frame`] (`engine`) reads from top to bottom; its `phases` and what they call lie beside it: `archives`
 //! (indices of the scene's BTFs), `votes` (votes of several frames), `records` (requests and answers), `decoding`,
-//! `workers` (what must not hold up a frame), `problems` (what went wrong), `events` (what a program is told). `prefetch`, `ahead`
-//! and `motion`: views that are not shown yet. `budgets`: changes at run time. `outputs`: pictures and counters.
+//! `workers` (what must not hold up a frame), `problems` (what went wrong), `events` (what a program is told).
+//! `prefetch`, `ahead` and `motion`: views that are not shown yet. `budgets`: changes at run time. `outputs`: pictures
+//! and counters.
 
 mod ahead;
 mod archives;

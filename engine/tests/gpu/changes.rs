@@ -20,7 +20,7 @@ fn what_stays_is_copied_and_shows_the_same() {
     let mut engine = engine(&scene, &[("weave", &archive)], options((160, 90)));
     let wanted = settle(&mut engine, &camera).last().unwrap().pages_resident;
     let (picture, before) = (engine.picture().unwrap(), engine.budgets());
-    let column_bytes = engine.counters();
+    let counters = engine.counters();
     // Larger, just large enough, and of an odd shape: nothing is asked for, nothing comes, the picture stays.
     for (slots, columns) in [
         (2000, 200),
@@ -47,7 +47,7 @@ fn what_stays_is_copied_and_shows_the_same() {
     }
     assert_eq!(
         engine.counters().records_from_host,
-        column_bytes.records_from_host
+        counters.records_from_host
     );
 }
 
