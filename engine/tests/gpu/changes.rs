@@ -45,10 +45,7 @@ fn what_stays_is_copied_and_shows_the_same() {
         assert!(error < 1e-4, "{slots} slots: {error}");
         settle(&mut engine, &camera);
     }
-    assert_eq!(
-        engine.counters().records_from_host,
-        counters.records_from_host
-    );
+    assert_eq!(engine.counters().records_from_host, counters.records_from_host);
 }
 
 #[test]
