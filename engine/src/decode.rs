@@ -2,19 +2,22 @@
 //!
 //! A page is decoded against its decoded parent. [`HostStore`] keeps records and the pages that have children, least
 //! recently used first to go, in a budget of bytes. A parent that is gone is decoded again from its record, and a
-//! record that is gone is asked for again: [`Pending`] climbs down from the nearest ancestor that is left, one record
-//! at a time, and holds what it has reached itself, so that it gets there however small the budget.
+//! record that is gone is asked for again: [`Pending`] climbs to the nearest ancestor that is left and holds the records
+//! that it meets on the way itself, so that it gets there however small the budget. What it then needs is a [`Job`],
+//! which any thread can run.
 //!
 //! Source: Schwartz, Ruiters, Klein 2013, section 6 (the client keeps received tiles for their children).
 
 use std::sync::Arc;
 
 use bytes::Bytes;
+use half::f16;
 use lru::LruCache;
-use tileset::{Column, Page, PageId, SLOT_AREA, archive::Index};
+use tileset::{Page, PageId, SLOT_AREA, archive::Index};
 
 use crate::{
     Result,
+    gpu::{column_cache::with_ambient, materials::Btf},
     residency::{Item, MaterialId},
 };
 
@@ -100,6 +103,12 @@ impl HostStore {
         self.shrink();
     }
 
+    /// Changes the budget.
+    pub fn set_budget(&mut self, budget_bytes: u64) {
+        self.budget_bytes = budget_bytes;
+        self.shrink();
+    }
+
     /// Leaves this much of the budget to others.
     pub fn reserve(&mut self, bytes: u64) {
         self.reserved_bytes = bytes;
@@ -122,16 +131,18 @@ pub struct Pending {
     pub item: Item,
     /// Its bytes, checked.
     pub record: Bytes,
-    /// The finest ancestor that is decoded, where one had to be decoded again.
-    reached: Option<(PageId, Arc<Page>)>,
+    /// Records of ancestors without decoded texels, from the parent upwards.
+    above: Vec<(PageId, Bytes)>,
 }
 
 /// What a [`Pending`] can do next.
 pub enum Step {
-    /// Be decoded against this parent.
+    /// Be decoded, from this ancestor down: [`Pending::job`].
     Ready(Option<Arc<Page>>),
     /// Wait for the record of an ancestor.
     Needs(PageId),
+    /// Wait for an ancestor that is being decoded.
+    Later,
 }
 
 impl Pending {
@@ -140,53 +151,77 @@ impl Pending {
         Self {
             item,
             record,
-            reached: None,
+            above: Vec::new(),
         }
     }
 
     /// Bytes held outside the store.
     pub fn bytes(&self) -> u64 {
-        self.record.len() as u64 + if self.reached.is_some() { PAGE_BYTES } else { 0 }
+        let above: usize = self.above.iter().map(|(_, record)| record.len()).sum();
+        (self.record.len() + above) as u64
     }
 
-    /// Finds the decoded parent, decoding ancestors again as far as their records are there.
+    /// Finds what decoding takes: the decoded parent, or records of ancestors up to one that is decoded.
+    /// `busy` tells which pages are being decoded elsewhere.
     ///
     /// # Errors
-    /// Those of [`tileset::codec::Decoder::page`], of an ancestor.
-    pub fn step(&mut self, index: &Index, store: &mut HostStore) -> Result<Step> {
-        let Item::Page(material, page) = self.item else {
-            return Ok(Step::Ready(None));
-        };
-        let Some(parent) = parent_of(index, page) else {
-            return Ok(Step::Ready(None));
-        };
-        // Up to the nearest ancestor that is decoded …
-        let mut missing = Vec::new();
-        let mut next = Some(parent);
-        let mut decoded = None;
-        while let Some(ancestor) = next {
-            decoded = match &self.reached {
-                Some((reached, page)) if *reached == ancestor => Some(page.clone()),
-                _ => store.page(material, ancestor),
-            };
-            if decoded.is_some() {
-                break;
+    /// [`tileset::Error::NotFound`] for a page that the archive does not have.
+    pub fn step(
+        &mut self,
+        index: &Index,
+        store: &mut HostStore,
+        busy: impl Fn(Item) -> bool,
+    ) -> Result<Step> {
+        let mut parent = None;
+        if let Item::Page(material, page) = self.item {
+            let mut above = 0;
+            let mut next = parent_of(index, page);
+            while let Some(ancestor) = next {
+                parent = store.page(material, ancestor);
+                if parent.is_some() {
+                    break;
+                }
+                if busy(Item::Page(material, ancestor)) {
+                    return Ok(Step::Later);
+                }
+                if above == self.above.len() {
+                    let Some(record) = local_record(index, store, material, ancestor)? else {
+                        return Ok(Step::Needs(ancestor));
+                    };
+                    self.above.push((ancestor, record));
+                }
+                above += 1;
+                next = parent_of(index, ancestor);
             }
-            missing.push(ancestor);
-            next = parent_of(index, ancestor);
+            // Ancestors may have been decoded since their records were found.
+            self.above.truncate(above);
         }
-        // … and down again.
-        while let Some(ancestor) = missing.pop() {
-            let Some(record) = local_record(index, store, material, ancestor)? else {
-                return Ok(Step::Needs(ancestor));
-            };
-            let page = index.decoder.page(ancestor, &record, decoded.as_deref())?;
-            let page = Arc::new(page);
-            store.put_page(material, ancestor, page.clone());
-            self.reached = Some((ancestor, page.clone()));
-            decoded = Some(page);
+        Ok(Step::Ready(parent))
+    }
+
+    /// Pages that will be decoded on the way.
+    pub fn ancestors(&self) -> impl Iterator<Item = PageId> + '_ {
+        self.above.iter().map(|&(page, _)| page)
+    }
+
+    /// Most bytes that decoding it takes, with all results, and with a decoded parent or not.
+    pub fn decoding_bytes(&self, btf: &Btf, parent: bool) -> u64 {
+        let decoded = match self.item {
+            Item::Page(..) => (1 + self.above.len() as u64 + u64::from(parent)) * PAGE_BYTES,
+            Item::Column(..) => btf.column_quads() * 8,
+        };
+        self.bytes() + decoded
+    }
+
+    /// The work, once it is [ready](Step::Ready).
+    pub fn job(self, btf: Arc<Btf>, parent: Option<Arc<Page>>) -> Job {
+        Job {
+            item: self.item,
+            record: self.record,
+            above: self.above,
+            parent,
+            btf,
         }
-        Ok(Step::Ready(decoded))
     }
 }
 
@@ -210,36 +245,81 @@ fn local_record(
     Ok(store.record(Item::Page(material, page)))
 }
 
-/// A decoded record.
+/// All that it takes to decode an item.
+pub struct Job {
+    /// What it is.
+    pub item: Item,
+    record: Bytes,
+    above: Vec<(PageId, Bytes)>,
+    parent: Option<Arc<Page>>,
+    btf: Arc<Btf>,
+}
+
+/// A decoded record, as the caches take it.
 pub enum Decoded {
     /// A page.
     Page(Arc<Page>),
-    /// A column.
-    Column(Column),
+    /// A column, see [`with_ambient`].
+    Column(Vec<[f16; 4]>),
 }
 
-/// Decodes a record against its parent. Pure: many can be decoded at once.
-///
-/// # Errors
-/// Those of the codec.
-pub fn decode(index: &Index, pending: &Pending, parent: Option<&Page>) -> Result<Decoded> {
-    Ok(match pending.item {
-        Item::Page(_, page) => Decoded::Page(Arc::new(index.decoder.page(page, &pending.record, parent)?)),
-        Item::Column(_, group) => Decoded::Column(index.decoder.column(group, &pending.record)?),
-    })
+/// What came of a [`Job`].
+pub struct Done {
+    /// What it is.
+    pub item: Item,
+    /// The ancestors that had to be decoded on the way …
+    pub above: Vec<PageId>,
+    /// … and their texels, as far as that went.
+    pub ancestors: Vec<(PageId, Arc<Page>)>,
+    /// The item itself.
+    pub decoded: Result<Decoded>,
+}
+
+impl Job {
+    /// Decodes. Pure: any thread can do it, and many at once.
+    pub fn run(mut self) -> Done {
+        let above: Vec<PageId> = self.above.iter().map(|&(page, _)| page).collect();
+        let mut ancestors = Vec::with_capacity(above.len());
+        let decoded = self.decode(&mut ancestors);
+        Done {
+            item: self.item,
+            above,
+            ancestors,
+            decoded,
+        }
+    }
+
+    fn decode(&mut self, ancestors: &mut Vec<(PageId, Arc<Page>)>) -> Result<Decoded> {
+        let decoder = &self.btf.index.decoder;
+        let page = match self.item {
+            Item::Page(_, page) => page,
+            Item::Column(_, group) => {
+                let column = decoder.column(group, &self.record)?;
+                return Ok(Decoded::Column(with_ambient(&column, &self.btf.ambient_weights)));
+            }
+        };
+        while let Some((ancestor, record)) = self.above.pop() {
+            let decoded = Arc::new(decoder.page(ancestor, &record, self.parent.as_deref())?);
+            self.parent = Some(decoded.clone());
+            ancestors.push((ancestor, decoded));
+        }
+        let decoded = decoder.page(page, &self.record, self.parent.as_deref())?;
+        Ok(Decoded::Page(Arc::new(decoded)))
+    }
 }
 
 #[cfg(test)]
 mod tests {
-    use half::f16;
-    use tileset::{ArchiveWriter, Codec, Factorization, Ledger, Manifest, Tile, codec, codec::MipImage};
+    use tileset::{
+        ArchiveWriter, Codec, Column, Factorization, Ledger, Manifest, Tile, codec, codec::MipImage,
+    };
 
     use super::*;
 
     const MATERIAL: MaterialId = MaterialId(0);
 
     /// An archive of one group and 256² texels, and all pages as the encoder left them.
-    fn archive() -> (Index, Vec<(PageId, Bytes, Page)>) {
+    fn archive() -> (Arc<Btf>, Vec<(PageId, Bytes, Page)>) {
         let up = tileset::Direction { theta: 0.0, phi: 0.0 };
         let manifest = Manifest {
             name: "noise".into(),
@@ -290,22 +370,20 @@ mod tests {
             .unwrap();
         let mut bytes = Vec::new();
         writer.write(&mut bytes).unwrap();
-        (
-            Index::parse(&bytes[..Index::prefix_bytes(&bytes).unwrap() as usize]).unwrap(),
-            pages,
-        )
+        let index = Index::parse(&bytes[..Index::prefix_bytes(&bytes).unwrap() as usize]).unwrap();
+        (Arc::new(Btf::new("noise".into(), index)), pages)
     }
 
     #[test]
     fn any_page_is_decoded_from_nothing_with_little_room() {
-        let (index, pages) = archive();
+        let (btf, pages) = archive();
         for budget in [PAGE_BYTES / 2, 3 * PAGE_BYTES, 1 << 30] {
             let mut store = HostStore::new(budget);
             for (id, record, wanted) in &pages {
                 let mut pending = Pending::new(Item::Page(MATERIAL, *id), record.clone());
                 let mut asked = 0;
                 let parent = loop {
-                    match pending.step(&index, &mut store).unwrap() {
+                    match pending.step(&btf.index, &mut store, |_| false).unwrap() {
                         Step::Ready(parent) => break parent,
                         // The record comes, and is used before it is forgotten.
                         Step::Needs(ancestor) => {
@@ -313,16 +391,49 @@ mod tests {
                             store.put_record(Item::Page(MATERIAL, ancestor), record.clone());
                             asked += 1;
                         }
+                        Step::Later => panic!("nobody else decodes"),
                     }
                 };
-                assert!(asked <= u32::from(index.pyramid.tail_mip() - id.tile.mip));
+                let most = u32::from(btf.pyramid().tail_mip() - id.tile.mip);
+                assert!(asked <= most);
                 assert!(store.bytes() <= budget);
-                let Decoded::Page(page) = decode(&index, &pending, parent.as_deref()).unwrap() else {
+                let bytes = pending.decoding_bytes(&btf, parent.is_some());
+                let above = pending.ancestors().count() as u64;
+                assert!(above <= u64::from(most) && bytes >= (1 + above) * PAGE_BYTES);
+                let done = pending.job(btf.clone(), parent).run();
+                assert_eq!(done.ancestors.len() as u64, above);
+                for (ancestor, page) in done.ancestors {
+                    store.put_page(MATERIAL, ancestor, page);
+                }
+                let Ok(Decoded::Page(page)) = done.decoded else {
                     panic!("{id} is no page")
                 };
                 assert!(*page == *wanted, "{id}");
             }
         }
+    }
+
+    #[test]
+    fn what_is_being_decoded_is_waited_for() {
+        let (btf, pages) = archive();
+        let mut store = HostStore::new(1 << 30);
+        for (id, record, _) in &pages {
+            store.put_record(Item::Page(MATERIAL, *id), record.clone());
+        }
+        let root = pages[0].0;
+        let (last, record, _) = &pages[pages.len() - 1];
+        let mut pending = Pending::new(Item::Page(MATERIAL, *last), record.clone());
+        let busy = |item| item == Item::Page(MATERIAL, root);
+        assert!(matches!(
+            pending.step(&btf.index, &mut store, busy).unwrap(),
+            Step::Later
+        ));
+        store.put_page(MATERIAL, root, Arc::new(pages[0].2.clone()));
+        let Step::Ready(parent) = pending.step(&btf.index, &mut store, |_| false).unwrap() else {
+            panic!("all records are here")
+        };
+        assert!(pending.ancestors().all(|page| page != root));
+        assert!(pending.job(btf, parent).run().decoded.is_ok());
     }
 
     #[test]

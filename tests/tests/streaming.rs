@@ -98,7 +98,12 @@ fn every_source_gives_the_same_picture() {
     let scene = scene();
     let camera = scene.cameras[0];
     let server = Server::start(&FIXTURE.tiles());
-    let http = HttpSource::new(&server.address, HttpOptions::default()).unwrap();
+    let http = || HttpSource::new(&server.address, HttpOptions::default()).unwrap();
+    // Decodes beside the frames, and waits for nothing.
+    let free = Options {
+        wait: false,
+        ..ample()
+    };
     let faults = Faults {
         fail: 0.1,
         repeat: 0.1,
@@ -111,7 +116,8 @@ fn every_source_gives_the_same_picture() {
     assert!(expected_stats.pages_resident > 0 && expected_stats.columns_resident == 8);
     for (name, mut engine) in [
         ("folder", engine(&scene, folder(), ample())),
-        ("http", engine(&scene, http, ample())),
+        ("http", engine(&scene, http(), ample())),
+        ("http, free", engine(&scene, http(), free)),
         (
             "faulty",
             engine(&scene, FaultySource::new(memory(), faults, 7), ample()),

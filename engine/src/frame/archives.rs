@@ -1,11 +1,11 @@
 //! The archives of a scene: asking for their indices, and what comes of it.
 
-use std::{collections::HashMap, sync::Arc};
+use std::{collections::HashMap, sync::Arc, time::Duration};
 
 use scenes::{Scene, Surface};
 use tileset::archive::Index;
 
-use super::problems::Problems;
+use super::{problems::Problems, workers::Workers};
 use crate::{
     Error, Result,
     gpu::materials::Btf,
@@ -17,13 +17,20 @@ const ATTEMPTS: u32 = 3;
 
 enum State {
     /// To be asked for, or in flight.
-    Waiting {
-        attempts: u32,
-        ticket: Option<Ticket>,
-    },
-    Known(Box<Btf>),
+    Waiting { attempts: u32, ticket: Option<Ticket> },
+    /// Here, and being read.
+    Read { attempts: u32 },
+    /// The engine's BTF with this number.
+    Known(usize),
     /// Its materials stay as they are without an archive.
-    Failed(String),
+    Failed(Failure),
+}
+
+/// Why an archive was given up.
+struct Failure {
+    /// The engine's memory is too small for it.
+    budget: bool,
+    detail: String,
 }
 
 /// The archives of a scene, each once, in the order of its materials.
@@ -32,12 +39,14 @@ pub(super) struct Archives {
     states: Vec<State>,
     /// For each material of the scene its archive.
     of_material: Vec<Option<usize>>,
+    /// Read indices and triangulate directions: archive and what came of it.
+    workers: Workers<(usize, Result<Btf>)>,
 }
 
 impl Archives {
     /// # Errors
     /// [`Error::Scene`] if there are more than ids for them.
-    pub(super) fn new(scene: &Scene) -> Result<Self> {
+    pub(super) fn new(scene: &Scene, workers: Workers<(usize, Result<Btf>)>) -> Result<Self> {
         let mut ids: HashMap<&str, usize> = HashMap::new();
         let mut names = Vec::new();
         let of_material = scene.materials.iter().map(|material| match &material.surface {
@@ -66,6 +75,7 @@ impl Archives {
             names,
             states,
             of_material,
+            workers,
         })
     }
 
@@ -86,62 +96,90 @@ impl Archives {
 
     /// Takes an answer that is about an index.
     pub(super) fn receive(&mut self, answer: Answer, problems: &mut Problems) {
-        let waiting = self
-            .states
-            .iter_mut()
-            .zip(&self.names)
-            .find_map(|(state, name)| match state {
-                State::Waiting { attempts, ticket } if *ticket == Some(answer.ticket) => {
-                    Some((*attempts + 1, state, name))
-                }
-                _ => None,
-            });
-        let Some((attempts, state, name)) = waiting else {
+        let waiting = self.states.iter().position(
+            |state| matches!(state, State::Waiting { ticket, .. } if *ticket == Some(answer.ticket)),
+        );
+        let Some(archive) = waiting else { return };
+        let State::Waiting { attempts, .. } = self.states[archive] else {
             return;
         };
-        *state = match answer.bytes.and_then(|bytes| Ok(Index::parse(&bytes)?)) {
-            Ok(index) => State::Known(Box::new(Btf::new(name.clone(), index))),
-            Err(error) => {
-                let text = problems.add(format!("index of {name}: {error}"));
-                if attempts >= ATTEMPTS || matches!(error, Error::NotFound(_)) {
-                    State::Failed(text)
-                } else {
-                    State::Waiting {
-                        attempts,
-                        ticket: None,
-                    }
-                }
+        let attempts = attempts + 1;
+        match answer.bytes {
+            Ok(bytes) => {
+                let name = self.names[archive].clone();
+                self.states[archive] = State::Read { attempts };
+                self.workers.start(move || {
+                    let btf = Index::parse(&bytes).map(|index| Btf::new(name, index));
+                    (archive, btf.map_err(Error::from))
+                });
             }
+            Err(error) => self.retry(archive, attempts, &error, problems),
+        }
+    }
+
+    fn retry(&mut self, archive: usize, attempts: u32, error: &Error, problems: &mut Problems) {
+        if attempts >= ATTEMPTS || matches!(error, Error::NotFound(_)) {
+            return self.give_up(archive, error, problems);
+        }
+        problems.add(format!("index of {}: {error}", self.names[archive]));
+        self.states[archive] = State::Waiting {
+            attempts,
+            ticket: None,
         };
     }
 
-    /// Once all are known or given up: the BTFs, and for each material of the scene its BTF.
-    pub(super) fn finish(&self) -> Option<(Vec<Btf>, Vec<Option<usize>>)> {
-        if self
-            .states
-            .iter()
-            .any(|state| matches!(state, State::Waiting { .. }))
-        {
-            return None;
+    /// BTFs whose indices have been read since the last call, at most so many, with their archives.
+    pub(super) fn take_read(&mut self, most: usize, problems: &mut Problems) -> Vec<(usize, Btf)> {
+        let mut read = Vec::new();
+        for (archive, result) in self.workers.finished(most) {
+            let State::Read { attempts } = self.states[archive] else {
+                continue;
+            };
+            match result {
+                Ok(btf) => read.push((archive, btf)),
+                Err(error) => self.retry(archive, attempts, &error, problems),
+            }
         }
-        let mut btfs = Vec::new();
-        let btf_of_archive: Vec<_> = self
-            .states
-            .iter()
-            .map(|state| match state {
-                State::Known(btf) => {
-                    btfs.push(Btf::clone(btf));
-                    Some(btfs.len() - 1)
-                }
-                _ => None,
-            })
-            .collect();
-        let of_material = self
-            .of_material
-            .iter()
-            .map(|archive| btf_of_archive[(*archive)?])
-            .collect();
-        Some((btfs, of_material))
+        read
+    }
+
+    /// Gives an archive up.
+    pub(super) fn give_up(&mut self, archive: usize, error: &Error, problems: &mut Problems) {
+        self.states[archive] = State::Failed(Failure {
+            budget: matches!(error, Error::Budget(_)),
+            detail: problems.add(format!("index of {}: {error}", self.names[archive])),
+        });
+    }
+
+    /// From now on an archive is this BTF.
+    pub(super) fn set_known(&mut self, archive: usize, btf: usize) {
+        self.states[archive] = State::Known(btf);
+    }
+
+    /// For each material of the scene its BTF, as far as it is known.
+    pub(super) fn btf_of_material(&self) -> Vec<Option<usize>> {
+        let btf = |archive: &Option<usize>| match self.states[(*archive)?] {
+            State::Known(btf) => Some(btf),
+            _ => None,
+        };
+        self.of_material.iter().map(btf).collect()
+    }
+
+    /// Archives of the scene.
+    pub(super) fn count(&self) -> usize {
+        self.names.len()
+    }
+
+    /// How many are known or given up.
+    pub(super) fn decided(&self) -> usize {
+        let decided = |state: &&State| matches!(state, State::Known(_) | State::Failed(_));
+        self.states.iter().filter(decided).count()
+    }
+
+    /// Waits for an index that is being read. Returns whether there is one.
+    pub(super) fn wait(&mut self, limit: Duration) -> bool {
+        self.workers.wait(limit);
+        self.workers.unfinished() > 0
     }
 
     /// Fails if an archive was given up.
@@ -150,7 +188,8 @@ impl Archives {
             .iter()
             .zip(&self.states)
             .try_for_each(|(name, state)| match state {
-                State::Failed(detail) => Err(Error::Source {
+                State::Failed(Failure { budget: true, detail }) => Err(Error::Budget(detail.clone())),
+                State::Failed(Failure { detail, .. }) => Err(Error::Source {
                     what: format!("archive {name}"),
                     detail: detail.clone(),
                 }),

@@ -1,23 +1,25 @@
-//! The frame itself: feedback → votes → residency → requests → answers → decode → placement → picture.
+//! An engine's life: start, wait, frame after frame. What a frame consists of stands in `phases`.
 
-use std::time::Duration;
+use std::{sync::Arc, time::Duration};
 
 use scenes::{Camera, Scene};
 
 use super::{
+    ahead::Ahead,
     archives::Archives,
+    events::{Event, Events},
     options::Options,
     problems::Problems,
     records::Records,
     stats::{Counters, FrameStats, Milliseconds, Stopwatch},
     votes::Window,
+    workers::Workers,
 };
 use crate::{
     Error, Result,
-    decode::{Decoded, PAGE_BYTES},
-    gpu::{Ask, Caches, Context, GpuMilliseconds, Renderer, materials::Btf},
-    residency::{Item, Limits, MaterialInfo, Placement, Residency, Summary},
-    stream::{Request, TileSource},
+    gpu::{Context, GpuMilliseconds, Renderer, materials::Btf},
+    residency::{Limits, Residency},
+    stream::TileSource,
 };
 
 /// A scene, what of it is on the GPU, and where the rest comes from.
@@ -26,32 +28,30 @@ pub struct Engine {
     pub(super) renderer: Renderer,
     pub(super) source: Box<dyn TileSource>,
     pub(super) archives: Archives,
-    /// There once all archives are known.
-    pub(super) streaming: Option<Streaming>,
+    /// The BTFs that are known, in the order in which they became so; residency and renderer count them alike.
+    pub(super) btfs: Vec<Arc<Btf>>,
+    pub(super) residency: Residency,
+    pub(super) window: Window,
+    pub(super) ahead: Ahead,
     pub(super) records: Records,
     pub(super) problems: Problems,
+    pub(super) events: Events,
     pub(super) counters: Counters,
     pub(super) camera: Option<Camera>,
-    /// Counts views: cameras that differ from the one before.
+    /// Counts views: cameras that differ from the one before, and materials that were not there before.
     pub(super) view: u64,
     pub(super) frames: u64,
+    /// Since the start.
+    pub(super) clock: Stopwatch,
     pub(super) wire_bytes: u64,
     /// Something else than the camera has changed since the last picture.
     pub(super) changed: bool,
     pub(super) gpu: Option<GpuMilliseconds>,
 }
 
-/// What is there once the archives are known.
-pub(super) struct Streaming {
-    pub(super) btfs: Vec<Btf>,
-    pub(super) residency: Residency,
-    pub(super) window: Window,
-    pub(super) vote_bases: Vec<u32>,
-}
-
 impl Engine {
-    /// Prepares a scene and asks for the indices of its archives. Nothing waits: until they are there, BTF
-    /// materials are grey.
+    /// Prepares a scene and asks for the indices of its archives. Nothing waits: until its index is there, a BTF
+    /// material is grey.
     ///
     /// # Errors
     /// [`Error::Scene`] if the scene does not hold together, [`Error::Budget`] for options that cannot work.
@@ -62,16 +62,27 @@ impl Engine {
         options: Options,
     ) -> Result<Self> {
         options.check()?;
+        let renderer = Renderer::new(context, scene, options.size)?;
+        let (page_slots, column_slots) = renderer.layout(options.caches(), 0)?.slots();
         let mut engine = Self {
-            renderer: Renderer::new(context, scene, options.size)?,
-            archives: Archives::new(scene)?,
-            streaming: None,
-            records: Records::new(options.host_bytes),
+            renderer,
+            archives: Archives::new(scene, workers(&options))?,
+            btfs: Vec::new(),
+            residency: Residency::new(Limits {
+                page_slots,
+                column_slots,
+                in_flight: 1,
+            }),
+            window: Window::new(options.feedback_stride),
+            ahead: Ahead::default(),
+            records: Records::new(options.budgets(), workers(&options)),
             problems: Problems::default(),
+            events: Events::default(),
             counters: Counters::default(),
             camera: None,
             view: 0,
             frames: 0,
+            clock: Stopwatch::start(),
             wire_bytes: 0,
             changed: true,
             gpu: None,
@@ -82,17 +93,18 @@ impl Engine {
         Ok(engine)
     }
 
-    /// Waits until all archives are known, at most `limit`.
+    /// Waits until all archives are known or given up, at most `limit`. Programs that draw meanwhile need not: materials
+    /// appear as their archives become known.
     ///
     /// # Errors
-    /// [`Error::Source`] if one cannot be had, or not in time; [`Error::Budget`] if the caches do not hold one page
-    /// and one column.
+    /// [`Error::Source`] if one cannot be had, or not in time; [`Error::Budget`] if the caches have no room for one
+    /// of its columns.
     pub fn wait_for_materials(&mut self, limit: Duration) -> Result<()> {
         let watch = Stopwatch::start();
         loop {
             self.receive();
-            self.start_streaming()?;
-            if self.streaming.is_some() {
+            self.learn()?;
+            if self.archives.decided() == self.archives.count() {
                 return self.archives.check();
             }
             let left = limit.saturating_sub(watch.elapsed());
@@ -102,15 +114,17 @@ impl Engine {
                     detail: format!("not all indices arrived in {limit:?}"),
                 });
             }
-            self.source.wait(left);
+            if !self.archives.wait(left) {
+                self.source.wait(left);
+            }
         }
     }
 
     /// Draws what a camera sees, with what is there, and sees to it that more is there the next time.
     ///
     /// # Errors
-    /// [`Error::Scene`] for an unusable camera, [`Error::Budget`] as [`Engine::wait_for_materials`],
-    /// [`Error::Adapter`] if the device fails. Failures of the source are no errors here: see [`Engine::problems`].
+    /// [`Error::Scene`] for an unusable camera, [`Error::Adapter`] if the device fails. Failures of the source are no
+    /// errors here: see [`Engine::problems`].
     pub fn frame(&mut self, camera: &Camera) -> Result<FrameStats> {
         self.advance(camera, true)
     }
@@ -135,7 +149,7 @@ impl Engine {
         ms.residency = watch.lap();
 
         self.receive();
-        self.start_streaming()?;
+        self.learn()?;
         ms.source = watch.lap();
 
         let arrived = self.decode();
@@ -150,9 +164,12 @@ impl Engine {
         let drawn = (show || settled) && self.draw()?;
         ms.draw += watch.lap();
         ms.gpu = self.gpu;
-        self.frames += 1;
-        Ok(FrameStats {
-            frame: self.frames - 1,
+        let (decided, known) = (self.archives.decided() as u32, self.btfs.len() as u32);
+        let stats = FrameStats {
+            frame: self.frames,
+            archives: self.archives.count() as u32,
+            archives_known: known,
+            archives_failed: decided - known,
             pages_wanted: after.pages_wanted,
             pages_resident: after.pages_resident,
             columns_resident: after.columns_resident,
@@ -168,7 +185,13 @@ impl Engine {
             settled,
             drawn,
             ms,
-        })
+        };
+        self.frames += 1;
+        for problem in self.problems.untold() {
+            self.events.add(Event::Problem(problem.to_owned()));
+        }
+        self.events.frame(&stats, self.view, stats.archives > 0);
+        Ok(stats)
     }
 
     /// Runs frames, waiting for the source in between, until nothing changes any more or `limit` has passed; the
@@ -187,191 +210,24 @@ impl Engine {
                 return Ok(frames);
             }
             self.renderer.wait()?;
-            if stats.added + stats.swapped == 0 && self.source.in_flight() > 0 {
-                self.source.wait(limit.saturating_sub(watch.elapsed()));
-            }
-        }
-    }
-
-    /// Visibility, where the view is new, and votes, where some are missing; takes the votes that are there.
-    fn look(&mut self, moved: bool) -> Result<()> {
-        let pending = self.renderer.votes_pending();
-        let stride = self.options.feedback_stride;
-        let ask = self.streaming.as_mut().and_then(|Streaming { window, .. }| {
-            let phase = window.next(self.view, pending)?;
-            Some(Ask {
-                stride,
-                phase,
-                tag: window.tag(self.view, phase),
-            })
-        });
-        let asked = self.renderer.look(self.camera.as_ref().filter(|_| moved), ask);
-        match (&mut self.streaming, ask) {
-            (Some(streaming), Some(ask)) if asked => streaming.window.asked(self.view, ask.phase),
-            _ => self.counters.feedback_skipped += 1,
-        }
-        self.poll()
-    }
-
-    /// Takes what has come back from the GPU; waits for it, if so chosen.
-    fn poll(&mut self) -> Result<()> {
-        if self.options.wait {
-            self.renderer.wait()?;
-        }
-        let (counted, gpu) = self.renderer.poll()?;
-        self.gpu = gpu.or(self.gpu);
-        if let Some(streaming) = &mut self.streaming {
-            counted
-                .into_iter()
-                .for_each(|counted| streaming.window.insert(counted));
-        }
-        Ok(())
-    }
-
-    /// Votes to residency; its plan to the records.
-    fn decide(&mut self) {
-        let Some(Streaming {
-            btfs,
-            residency,
-            window,
-            vote_bases,
-        }) = &mut self.streaming
-        else {
-            return;
-        };
-        let plan = residency.update(&window.votes(vote_bases));
-        self.records
-            .follow(&plan, btfs, &mut *self.source, &mut self.counters);
-    }
-
-    /// Submits requests and takes the answers that are there: at most as many as can be in flight, so that a
-    /// source that answers at once cannot hold up a frame.
-    fn receive(&mut self) {
-        let btfs = self
-            .streaming
-            .as_ref()
-            .map_or(&[][..], |streaming| &streaming.btfs);
-        self.archives.submit(&mut *self.source);
-        self.records.submit(btfs, &mut *self.source);
-        for _ in 0..self.source.capacity() {
-            let Some(answer) = self.source.poll() else { break };
-            self.wire_bytes += answer.wire_bytes;
-            match answer.request {
-                Request::Index { .. } => self.archives.receive(answer, &mut self.problems),
-                _ => self
-                    .records
-                    .receive(answer, btfs, &mut self.counters, &mut self.problems),
-            }
-        }
-    }
-
-    /// Once all archives are known: tables, caches, residency.
-    fn start_streaming(&mut self) -> Result<()> {
-        if self.streaming.is_some() {
-            return Ok(());
-        }
-        let Some((btfs, btf_of_material)) = self.archives.finish() else {
-            return Ok(());
-        };
-        let caches = Caches {
-            page_bytes: self.options.page_cache_bytes,
-            column_bytes: self.options.column_cache_bytes,
-        };
-        self.renderer.set_materials(&btfs, &btf_of_material, caches)?;
-        let (page_slots, column_slots) = self.renderer.slots();
-        let mut residency = Residency::new(Limits {
-            page_slots,
-            column_slots,
-            in_flight: self.in_flight_limit(),
-        });
-        for btf in &btfs {
-            residency.add_material(MaterialInfo {
-                pyramid: *btf.pyramid(),
-                groups: btf.groups(),
-                weights: btf.index.pages().iter().map(|record| record.weight).collect(),
-            });
-        }
-        let vote_bases: Vec<u32> = self.renderer.vote_bases().collect();
-        let counters = btfs.iter().map(|btf| btf.pyramid().tile_count()).sum();
-        let window = Window::new(self.options.feedback_stride, counters);
-        self.streaming = Some(Streaming {
-            btfs,
-            residency,
-            window,
-            vote_bases,
-        });
-        self.changed = true;
-        Ok(())
-    }
-
-    /// What waits to be decoded takes at most a quarter of the host's memory: a record and a page each.
-    fn in_flight_limit(&self) -> usize {
-        let host = self.options.host_bytes / 4 / (2 * PAGE_BYTES);
-        self.options
-            .requests_in_flight
-            .min(self.source.capacity())
-            .min(host as usize)
-            .max(1)
-    }
-
-    fn decode(&mut self) -> Vec<(Item, Decoded)> {
-        let Some(Streaming { btfs, residency, .. }) = &mut self.streaming else {
-            return Vec::new();
-        };
-        let limit = self.options.uploads_per_frame;
-        let decoded = self
-            .records
-            .decode(limit, btfs, &mut self.counters, &mut self.problems);
-        self.records
-            .take_failed()
-            .into_iter()
-            .for_each(|item| residency.failed(item));
-        decoded
-    }
-
-    /// Puts what has arrived where residency says.
-    fn place(&mut self, arrived: Vec<(Item, Decoded)>) {
-        let Some(Streaming { residency, .. }) = &mut self.streaming else {
-            return;
-        };
-        for (item, decoded) in arrived {
-            let Placement::Place { slot, evicted } = residency.arrived(item) else {
-                self.counters.arrivals_dropped += 1;
+            let left = limit.saturating_sub(watch.elapsed());
+            if stats.added + stats.swapped > 0 || self.archives.wait(left) {
                 continue;
-            };
-            match evicted {
-                Some(Item::Page(material, page)) => self.renderer.remove_page(material.0.into(), page),
-                Some(Item::Column(material, group)) => self.renderer.remove_column(material.0.into(), group),
-                None => {}
             }
-            match (item, &decoded) {
-                (Item::Page(material, page), Decoded::Page(texels)) => {
-                    self.renderer.place_page(material.0.into(), page, slot, texels);
-                }
-                (Item::Column(material, group), Decoded::Column(column)) => {
-                    self.renderer.place_column(material.0.into(), group, slot, column);
-                }
-                _ => unreachable!("pages decode to pages, columns to columns"),
+            if self.records.decoding() {
+                self.records.wait(left);
+            } else if self.source.in_flight() > 0 {
+                self.source.wait(left);
             }
-            self.changed = true;
         }
     }
+}
 
-    /// Draws, if anything has changed. Returns whether it did.
-    fn draw(&mut self) -> Result<bool> {
-        if !self.changed {
-            self.counters.draws_skipped += 1;
-            return Ok(false);
-        }
-        self.renderer.draw(self.options.exposure_stops.exp2());
-        self.changed = false;
-        self.poll()?;
-        Ok(true)
-    }
-
-    fn settled(&self, summary: &Summary) -> bool {
-        self.streaming.as_ref().is_some_and(|streaming| {
-            streaming.window.complete(self.view) && summary.settled && self.records.idle()
-        })
+/// Those of an engine whose frames all do the same with the same inputs work in frames.
+fn workers<T: Send + 'static>(options: &Options) -> Workers<T> {
+    if options.wait {
+        Workers::in_frames()
+    } else {
+        Workers::beside_frames()
     }
 }

@@ -1,18 +1,30 @@
 //! One frame, from feedback to picture.
 //!
-//! [`Engine::frame`] (`engine`) reads from top to bottom; what it calls lies beside it: `archives` (indices of the
-//! scene's BTFs), `votes` (votes of several frames), `records` (requests, answers, decoding), `problems` (what
-//! went wrong). `outputs`: pictures and counters.
+//! [`Engine::frame`] (`engine`) reads from top to bottom; its `phases` and what they call lie beside it: `archives`
+//! (indices of the scene's BTFs), `votes` (votes of several frames), `records` (requests and answers), `decoding`,
+//! `workers` (what must not hold up a frame), `problems` (what went wrong), `events` (what a program is told).
+//! `prefetch`, `ahead` and `motion`: views that are not shown yet. `budgets`: changes at run time. `outputs`: pictures
+//! and counters.
 
+mod ahead;
 mod archives;
+mod budgets;
+mod decoding;
 mod engine;
+mod events;
+mod motion;
 mod options;
 mod outputs;
+mod phases;
+mod prefetch;
 mod problems;
 mod records;
 mod stats;
 mod votes;
+mod workers;
 
+pub use ahead::MAX_PREFETCHED_VIEWS;
 pub use engine::Engine;
-pub use options::{MAX_FEEDBACK_STRIDE, MIN_HOST_BYTES, Options};
+pub use events::Event;
+pub use options::{Budgets, MAX_FEEDBACK_STRIDE, MAX_PREFETCH_SECONDS, MIN_HOST_BYTES, Options};
 pub use stats::{Counters, FrameStats, Milliseconds};

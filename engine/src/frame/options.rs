@@ -1,11 +1,33 @@
 //! Budgets and choices.
 
-use crate::{Error, Result};
+use crate::{Error, Result, gpu::Caches};
 
 /// Least bytes of host memory: what decodes a few pages at a time.
 pub const MIN_HOST_BYTES: u64 = 1 << 20;
 /// Largest [`Options::feedback_stride`].
 pub const MAX_FEEDBACK_STRIDE: u32 = 8;
+/// Largest [`Options::prefetch_seconds`]: what lies further ahead nobody can tell from the motion so far.
+pub const MAX_PREFETCH_SECONDS: f32 = 2.0;
+
+/// What may be used of each resource. [`super::Engine::set_budgets`] changes it at run time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Budgets {
+    /// Bytes of the GPU page cache; rounded down to whole slots, at least one.
+    pub page_cache_bytes: u64,
+    /// Bytes of the GPU column cache; rounded down to whole slots, at least one.
+    pub column_cache_bytes: u64,
+    /// Bytes of host memory for compressed records and decoded pages, at least [`MIN_HOST_BYTES`].
+    pub host_bytes: u64,
+    /// Most pages and columns uploaded in one frame, at least one.
+    pub uploads_per_frame: usize,
+    /// Most records handed to the decoder in one frame, at least one. Where there are threads they decode beside the
+    /// frames; in browsers, and with [`Options::wait`], decoding is part of the frame.
+    pub decodes_per_frame: usize,
+    /// Most records asked for and not yet placed, at least one; the source may allow fewer.
+    pub requests_in_flight: usize,
+    /// Most bytes asked of the source and not yet here, at least one; a single record may take more.
+    pub bytes_in_flight: u64,
+}
 
 /// Budgets and choices. Defaults work.
 #[derive(Clone, Debug)]
@@ -20,8 +42,15 @@ pub struct Options {
     pub host_bytes: u64,
     /// Most pages and columns uploaded in one frame, at least one.
     pub uploads_per_frame: usize,
-    /// Most records asked for and not yet here, at least one; the source may allow fewer.
+    /// See [`Budgets::decodes_per_frame`].
+    pub decodes_per_frame: usize,
+    /// Most records asked for and not yet placed, at least one; the source may allow fewer.
     pub requests_in_flight: usize,
+    /// Most bytes asked of the source and not yet here, at least one; a single record may take more.
+    pub bytes_in_flight: u64,
+    /// How far ahead of a moving camera pages are fetched, in seconds, at most [`MAX_PREFETCH_SECONDS`]; 0 for not at
+    /// all.
+    pub prefetch_seconds: f32,
     /// Exposure: radiance is multiplied by 2^this before tone mapping.
     pub exposure_stops: f32,
     /// One pixel of each square of this side votes in a frame, another one in the next: 1 to
@@ -41,7 +70,11 @@ impl Default for Options {
             column_cache_bytes: 128 << 20,
             host_bytes: 256 << 20,
             uploads_per_frame: 64,
+            // Without threads a frame decodes itself: some 3 ms of pages.
+            decodes_per_frame: if cfg!(target_arch = "wasm32") { 8 } else { 64 },
             requests_in_flight: 64,
+            bytes_in_flight: 16 << 20,
+            prefetch_seconds: 0.3,
             exposure_stops: 0.0,
             feedback_stride: 4,
             wait: true,
@@ -50,6 +83,50 @@ impl Default for Options {
 }
 
 impl Options {
+    /// The budgets among them.
+    pub fn budgets(&self) -> Budgets {
+        Budgets {
+            page_cache_bytes: self.page_cache_bytes,
+            column_cache_bytes: self.column_cache_bytes,
+            host_bytes: self.host_bytes,
+            uploads_per_frame: self.uploads_per_frame,
+            decodes_per_frame: self.decodes_per_frame,
+            requests_in_flight: self.requests_in_flight,
+            bytes_in_flight: self.bytes_in_flight,
+        }
+    }
+
+    /// Bytes of the caches on the GPU.
+    pub(super) fn caches(&self) -> Caches {
+        Caches {
+            page_bytes: self.page_cache_bytes,
+            column_bytes: self.column_cache_bytes,
+        }
+    }
+
+    /// The same choices with other budgets.
+    pub fn with_budgets(self, budgets: Budgets) -> Self {
+        let Budgets {
+            page_cache_bytes,
+            column_cache_bytes,
+            host_bytes,
+            uploads_per_frame,
+            decodes_per_frame,
+            requests_in_flight,
+            bytes_in_flight,
+        } = budgets;
+        Self {
+            page_cache_bytes,
+            column_cache_bytes,
+            host_bytes,
+            uploads_per_frame,
+            decodes_per_frame,
+            requests_in_flight,
+            bytes_in_flight,
+            ..self
+        }
+    }
+
     pub(super) fn check(&self) -> Result<()> {
         let wrong = |text: String| Err(Error::Budget(text));
         if self.host_bytes < MIN_HOST_BYTES {
@@ -58,8 +135,22 @@ impl Options {
                 self.host_bytes
             ));
         }
-        if self.uploads_per_frame == 0 || self.requests_in_flight == 0 {
-            return wrong("uploads in a frame and requests in flight must be at least one each".into());
+        let counts = [
+            self.uploads_per_frame,
+            self.decodes_per_frame,
+            self.requests_in_flight,
+        ];
+        if counts.contains(&0) || self.bytes_in_flight == 0 {
+            return wrong(
+                "uploads and decodes in a frame, requests and bytes in flight must be at least one each"
+                    .into(),
+            );
+        }
+        if !(0.0..=MAX_PREFETCH_SECONDS).contains(&self.prefetch_seconds) {
+            return wrong(format!(
+                "{} seconds of prefetching: 0 to {MAX_PREFETCH_SECONDS}",
+                self.prefetch_seconds
+            ));
         }
         if !(1..=MAX_FEEDBACK_STRIDE).contains(&self.feedback_stride) {
             return wrong(format!(

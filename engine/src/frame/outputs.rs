@@ -1,20 +1,23 @@
 //! What an engine has to show, and what of it can be changed between frames.
 
-use super::{Counters, Engine};
+use super::{Counters, Engine, Event};
 use crate::{Result, metrics::Picture, residency::Summary};
 
 impl Engine {
     /// What residency knows of itself.
     pub fn summary(&self) -> Summary {
-        self.streaming
-            .as_ref()
-            .map(|streaming| streaming.residency.summary())
-            .unwrap_or_default()
+        self.residency.summary()
     }
 
     /// Work that was not needed, and work that went wrong, since the start.
     pub fn counters(&self) -> Counters {
         self.counters
+    }
+
+    /// What has happened since the last call, the oldest first. A program that wants to know when the picture is as good
+    /// as it gets waits for [`Event::Settled`]. Of events that nobody takes the newest thousand are kept.
+    pub fn events(&mut self) -> impl Iterator<Item = Event> + '_ {
+        std::iter::from_fn(|| self.events.take())
     }
 
     /// What went wrong without stopping the picture: the newest messages, the oldest first.
@@ -56,6 +59,7 @@ impl Engine {
         self.options.size = size;
         // The next frame's view is a new one.
         self.camera = None;
+        self.ahead.ask_again();
         Ok(())
     }
 

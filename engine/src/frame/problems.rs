@@ -9,6 +9,8 @@ const KEPT: usize = 64;
 #[derive(Default)]
 pub(super) struct Problems {
     messages: VecDeque<String>,
+    /// Messages that nobody has been told of yet: the last so many.
+    untold: usize,
 }
 
 impl Problems {
@@ -18,11 +20,18 @@ impl Problems {
             self.messages.pop_front();
         }
         self.messages.push_back(message.clone());
+        self.untold = (self.untold + 1).min(KEPT);
         message
     }
 
     /// Messages, the oldest first.
     pub(super) fn iter(&self) -> impl Iterator<Item = &str> {
         self.messages.iter().map(String::as_str)
+    }
+
+    /// Those since the last call.
+    pub(super) fn untold(&mut self) -> impl Iterator<Item = &str> {
+        let told = self.messages.len() - std::mem::take(&mut self.untold);
+        self.iter().skip(told)
     }
 }

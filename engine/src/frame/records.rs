@@ -1,18 +1,19 @@
 //! Records on their way: from a plan to decoded pages and columns.
 //!
 //! An item is in one place at a time: `queue` (to be submitted), `tickets` (in flight), `pending` (here, waiting to be
-//! decoded). What residency asked for is in `wanted` until it is handed out; ancestors that the host has dropped
-//! travel the same way without being wanted.
+//! decoded), [`Decoding`] (with the workers, or decoded and not handed out yet). What residency asked for is in `wanted`
+//! until it is handed out; ancestors that the host has dropped travel the same way without being wanted.
 
-use std::collections::{HashMap, HashSet, VecDeque};
+use std::collections::{HashMap, VecDeque};
+use std::sync::Arc;
 
 use bytes::Bytes;
-use tileset::{Page, Record, archive::Index};
+use tileset::{Page, Record};
 
-use super::{problems::Problems, stats::Counters};
+use super::{decoding::Decoding, options::Budgets, problems::Problems, stats::Counters, workers::Workers};
 use crate::{
     Result,
-    decode::{Decoded, HostStore, Pending, Step, decode},
+    decode::{Decoded, Done, HostStore, Pending, Step},
     gpu::materials::Btf,
     residency::{Item, MaterialId, Plan},
     stream::{Answer, Request, Ticket, TileSource},
@@ -21,16 +22,27 @@ use crate::{
 /// How often a record is asked for again when it does not match the directory.
 const ATTEMPTS: u32 = 3;
 
-/// Records between source and decoder.
+/// Least share of the newest record in the latency: after the first ones some thirty count.
+const LATENCY_SHARE: f64 = 1.0 / 32.0;
+
+/// Records between source and caches.
 pub(super) struct Records {
     store: HostStore,
     queue: VecDeque<Item>,
     tickets: HashMap<Ticket, Item>,
     flying: HashMap<Item, Ticket>,
-    wanted: HashSet<Item>,
+    bytes_in_flight: u64,
+    /// With the time in seconds at which each was asked for.
+    wanted: HashMap<Item, f64>,
+    /// Seconds from there until it was decoded, of late.
+    latency: f64,
+    /// Records of which that is known.
+    timed: f64,
     pending: VecDeque<Waiting>,
+    decoding: Decoding,
     damaged: HashMap<Item, u32>,
     failed: Vec<Item>,
+    budgets: Budgets,
 }
 
 struct Waiting {
@@ -40,41 +52,73 @@ struct Waiting {
 }
 
 impl Records {
-    pub(super) fn new(host_bytes: u64) -> Self {
+    pub(super) fn new(budgets: Budgets, workers: Workers<(u64, Done)>) -> Self {
         Self {
-            store: HostStore::new(host_bytes),
+            store: HostStore::new(budgets.host_bytes),
             queue: VecDeque::new(),
             tickets: HashMap::new(),
             flying: HashMap::new(),
-            wanted: HashSet::new(),
+            bytes_in_flight: 0,
+            wanted: HashMap::new(),
+            latency: 0.0,
+            timed: 0.0,
             pending: VecDeque::new(),
+            decoding: Decoding::new(workers),
             damaged: HashMap::new(),
             failed: Vec::new(),
+            budgets,
         }
+    }
+
+    /// Changes the budgets. What is on its way stays so.
+    pub(super) fn set_budgets(&mut self, budgets: Budgets) {
+        self.budgets = budgets;
+        self.store.set_budget(budgets.host_bytes);
     }
 
     /// Starts what a plan asks for and gives up what it cancels.
     pub(super) fn follow(
         &mut self,
         plan: &Plan,
-        btfs: &[Btf],
+        now: f64,
+        btfs: &[Arc<Btf>],
         source: &mut dyn TileSource,
         counters: &mut Counters,
     ) {
-        for &item in &plan.cancel {
-            if self.wanted.remove(&item) {
+        self.cancel(&plan.cancel, btfs, source, counters);
+        self.request(&plan.request, now, btfs, counters);
+    }
+
+    /// Gives items up.
+    fn cancel(
+        &mut self,
+        items: &[Item],
+        btfs: &[Arc<Btf>],
+        source: &mut dyn TileSource,
+        counters: &mut Counters,
+    ) {
+        for &item in items {
+            if self.wanted.remove(&item).is_some() {
                 counters.requests_cancelled += 1;
                 self.queue.retain(|&queued| queued != item);
                 self.pending.retain(|waiting| waiting.pending.item != item);
                 let needed = self.pending.iter().any(|waiting| waiting.needs == Some(item));
                 if let Some(ticket) = self.flying.get(&item).copied().filter(|_| !needed) {
                     source.cancel(ticket);
-                    self.land(ticket);
+                    self.land(ticket, btfs);
                 }
             }
         }
-        for &item in &plan.request {
-            if !self.wanted.insert(item) {
+    }
+
+    /// Starts with items: those that the host still has can be decoded at once.
+    fn request(&mut self, items: &[Item], now: f64, btfs: &[Arc<Btf>], counters: &mut Counters) {
+        for &item in items {
+            if self.wanted.insert(item, now).is_some() {
+                continue;
+            }
+            if self.decoding.contains(item) {
+                // Asked for before, given up, and wanted again: it is on its way.
                 continue;
             }
             let stored = self.store.record(item);
@@ -96,20 +140,26 @@ impl Records {
         }
     }
 
-    /// Submits what waits, as far as the source takes it.
-    pub(super) fn submit(&mut self, btfs: &[Btf], source: &mut dyn TileSource) {
+    /// Submits what waits, as far as the source and the bytes in flight allow; one record always.
+    pub(super) fn submit(&mut self, btfs: &[Arc<Btf>], source: &mut dyn TileSource) {
         while let Some(&item) = self.queue.front() {
+            let bytes = self.bytes_in_flight + length(item, btfs);
+            if bytes > self.budgets.bytes_in_flight && !self.tickets.is_empty() {
+                break;
+            }
             let Some(ticket) = source.submit(request(item, btfs)) else {
                 break;
             };
+            self.bytes_in_flight = bytes;
             self.queue.pop_front();
             self.tickets.insert(ticket, item);
             self.flying.insert(item, ticket);
         }
     }
 
-    fn land(&mut self, ticket: Ticket) -> Option<Item> {
+    fn land(&mut self, ticket: Ticket, btfs: &[Arc<Btf>]) -> Option<Item> {
         let item = self.tickets.remove(&ticket)?;
+        self.bytes_in_flight -= length(item, btfs);
         self.flying.remove(&item);
         Some(item)
     }
@@ -118,11 +168,11 @@ impl Records {
     pub(super) fn receive(
         &mut self,
         answer: Answer,
-        btfs: &[Btf],
+        btfs: &[Arc<Btf>],
         counters: &mut Counters,
         problems: &mut Problems,
     ) {
-        let Some(item) = self.land(answer.ticket) else {
+        let Some(item) = self.land(answer.ticket, btfs) else {
             return;
         };
         let bytes = match answer.bytes {
@@ -134,8 +184,8 @@ impl Records {
             }
         };
         let what = name(item, btfs);
-        let checked =
-            record_of(item, btfs).and_then(|record| Ok(index_of(item, btfs).verify(&what, record, &bytes)?));
+        let checked = record_of(item, btfs)
+            .and_then(|record| Ok(btf_of(item, btfs).index.verify(&what, record, &bytes)?));
         if let Err(error) = checked {
             counters.records_damaged += 1;
             let attempts = self.damaged.entry(item).or_default();
@@ -148,7 +198,7 @@ impl Records {
         }
         self.damaged.remove(&item);
         self.store.put_record(item, bytes.clone());
-        if self.wanted.contains(&item) {
+        if self.wanted.contains_key(&item) {
             self.pending.push_back(Waiting {
                 pending: Pending::new(item, bytes),
                 needs: None,
@@ -179,17 +229,23 @@ impl Records {
             .collect();
         self.pending.retain(|waiting| waiting.needs != Some(item));
         self.failed
-            .extend(lost.into_iter().filter(|item| self.wanted.remove(item)));
+            .extend(lost.into_iter().filter(|item| self.wanted.remove(item).is_some()));
     }
 
-    /// The parent of a pending page, if it can be had now; asks for what is missing otherwise.
-    fn step(&mut self, at: usize, btfs: &[Btf], counters: &mut Counters, problems: &mut Problems) -> Parent {
+    /// The decoded ancestor of a pending page, if it can be had now; asks for what is missing otherwise.
+    fn step(
+        &mut self,
+        at: usize,
+        btfs: &[Arc<Btf>],
+        counters: &mut Counters,
+        problems: &mut Problems,
+    ) -> Parent {
         let waiting = &mut self.pending[at];
-        match waiting
-            .pending
-            .step(index_of(waiting.pending.item, btfs), &mut self.store)
-        {
+        let busy = |item| self.decoding.is_busy(item);
+        let index = &btf_of(waiting.pending.item, btfs).index;
+        match waiting.pending.step(index, &mut self.store, busy) {
             Ok(Step::Ready(parent)) => Parent::Ready(parent),
+            Ok(Step::Later) => Parent::Missing,
             Ok(Step::Needs(ancestor)) => {
                 let ancestor = Item::Page(material_of(waiting.pending.item), ancestor);
                 waiting.needs = Some(ancestor);
@@ -206,43 +262,70 @@ impl Records {
         }
     }
 
-    /// Decodes up to `limit` records that are here, in the order of their arrival.
-    pub(super) fn decode(
+    /// Hands records that are here to the workers, in the order of their arrival: as many as the budget for a frame
+    /// says, and as long as what is being decoded takes at most a quarter of the host's bytes; one always.
+    pub(super) fn start_decoding(
         &mut self,
-        limit: usize,
-        btfs: &[Btf],
+        btfs: &[Arc<Btf>],
         counters: &mut Counters,
         problems: &mut Problems,
-    ) -> Vec<(Item, Decoded)> {
-        let mut batch = Vec::new();
-        let mut at = 0;
-        while at < self.pending.len() && batch.len() < limit {
+    ) {
+        let (mut at, mut started) = (0, 0);
+        while at < self.pending.len() && started < self.budgets.decodes_per_frame {
             if self.pending[at].needs.is_some() {
                 at += 1;
                 continue;
             }
             match self.step(at, btfs, counters, problems) {
                 Parent::Missing => at += 1,
-                Parent::Ready(parent) => {
-                    batch.extend(self.pending.remove(at).map(|waiting| (waiting.pending, parent)))
-                }
                 Parent::Broken => {
                     let broken = self.pending.remove(at).map(|waiting| waiting.pending.item);
-                    self.failed.extend(broken.filter(|item| self.wanted.remove(item)));
+                    self.failed
+                        .extend(broken.filter(|item| self.wanted.remove(item).is_some()));
+                }
+                Parent::Ready(parent) => {
+                    let Some(Waiting { pending, needs }) = self.pending.remove(at) else {
+                        break;
+                    };
+                    let btf = btf_of(pending.item, btfs);
+                    let budget_bytes = self.budgets.host_bytes / 4;
+                    if let Err(pending) = self.decoding.start(pending, btf, parent, budget_bytes) {
+                        self.pending.insert(at, Waiting { pending, needs });
+                        break;
+                    }
+                    started += 1;
                 }
             }
         }
-        let mut done = Vec::with_capacity(batch.len());
-        for (item, result) in decode_all(&batch, btfs) {
-            match result {
+        self.reserve();
+    }
+
+    /// What has been decoded: at most as much as may be uploaded in a frame.
+    pub(super) fn finish_decoding(
+        &mut self,
+        now: f64,
+        btfs: &[Arc<Btf>],
+        problems: &mut Problems,
+    ) -> Vec<(Item, Decoded)> {
+        let mut finished = Vec::new();
+        for done in self.decoding.finished(self.budgets.uploads_per_frame) {
+            let item = done.item;
+            for (page, texels) in done.ancestors {
+                self.store.put_page(material_of(item), page, texels);
+            }
+            match done.decoded {
                 Ok(decoded) => {
                     if let (Item::Page(material, page), Decoded::Page(texels)) = (item, &decoded)
                         && page.tile.mip > 0
                     {
                         self.store.put_page(material, page, texels.clone());
                     }
-                    self.wanted.remove(&item);
-                    done.push((item, decoded));
+                    if let Some(asked) = self.wanted.remove(&item) {
+                        self.timed += 1.0;
+                        let share = LATENCY_SHARE.max(1.0 / self.timed);
+                        self.latency += share * (now - asked - self.latency);
+                        finished.push((item, decoded));
+                    }
                 }
                 Err(error) => {
                     problems.add(format!("{}: {error}", name(item, btfs)));
@@ -251,7 +334,22 @@ impl Records {
             }
         }
         self.reserve();
-        done
+        finished
+    }
+
+    /// Seconds that records have taken lately from being asked for to being decoded.
+    pub(super) fn latency(&self) -> f64 {
+        self.latency
+    }
+
+    /// Whether records are being decoded beside the frames.
+    pub(super) fn decoding(&self) -> bool {
+        !self.decoding.idle()
+    }
+
+    /// Waits until something may have been decoded.
+    pub(super) fn wait(&mut self, limit: std::time::Duration) {
+        self.decoding.wait(limit);
     }
 
     /// Items that could not be had since the last call.
@@ -261,51 +359,29 @@ impl Records {
 
     /// Nothing is queued, in flight or waiting.
     pub(super) fn idle(&self) -> bool {
-        self.queue.is_empty() && self.tickets.is_empty() && self.pending.is_empty()
+        self.queue.is_empty() && self.tickets.is_empty() && self.pending.is_empty() && self.decoding.idle()
     }
 
     /// Bytes held on the host.
     pub(super) fn bytes(&self) -> u64 {
-        self.store.bytes() + self.pending_bytes()
+        self.store.bytes() + self.waiting_bytes()
     }
 
-    fn pending_bytes(&self) -> u64 {
-        self.pending.iter().map(|waiting| waiting.pending.bytes()).sum()
+    fn waiting_bytes(&self) -> u64 {
+        let pending: u64 = self.pending.iter().map(|waiting| waiting.pending.bytes()).sum();
+        pending + self.decoding.bytes()
     }
 
-    /// What waits counts against the budget of the store.
+    /// What waits and what is being decoded counts against the budget of the store.
     fn reserve(&mut self) {
-        self.store.reserve(self.pending_bytes());
+        self.store.reserve(self.waiting_bytes());
     }
 }
 
 enum Parent {
-    Ready(Option<std::sync::Arc<Page>>),
+    Ready(Option<Arc<Page>>),
     Missing,
     Broken,
-}
-
-type Batch = [(Pending, Option<std::sync::Arc<Page>>)];
-
-fn decode_one(
-    (pending, parent): &(Pending, Option<std::sync::Arc<Page>>),
-    btfs: &[Btf],
-) -> (Item, Result<Decoded>) {
-    (
-        pending.item,
-        decode(index_of(pending.item, btfs), pending, parent.as_deref()),
-    )
-}
-
-#[cfg(not(target_arch = "wasm32"))]
-fn decode_all(batch: &Batch, btfs: &[Btf]) -> Vec<(Item, Result<Decoded>)> {
-    use rayon::prelude::*;
-    batch.par_iter().map(|one| decode_one(one, btfs)).collect()
-}
-
-#[cfg(target_arch = "wasm32")]
-fn decode_all(batch: &Batch, btfs: &[Btf]) -> Vec<(Item, Result<Decoded>)> {
-    batch.iter().map(|one| decode_one(one, btfs)).collect()
 }
 
 fn material_of(item: Item) -> MaterialId {
@@ -313,27 +389,32 @@ fn material_of(item: Item) -> MaterialId {
     material
 }
 
-fn index_of(item: Item, btfs: &[Btf]) -> &Index {
-    &btfs[usize::from(material_of(item).0)].index
+fn btf_of(item: Item, btfs: &[Arc<Btf>]) -> &Arc<Btf> {
+    &btfs[usize::from(material_of(item).0)]
 }
 
-fn record_of(item: Item, btfs: &[Btf]) -> Result<Record> {
+fn record_of(item: Item, btfs: &[Arc<Btf>]) -> Result<Record> {
     Ok(match item {
-        Item::Page(_, page) => index_of(item, btfs).page(page)?,
-        Item::Column(_, group) => index_of(item, btfs).column(group)?,
+        Item::Page(_, page) => btf_of(item, btfs).index.page(page)?,
+        Item::Column(_, group) => btf_of(item, btfs).index.column(group)?,
     })
 }
 
-fn request(item: Item, btfs: &[Btf]) -> Request {
-    let archive = btfs[usize::from(material_of(item).0)].archive.clone();
+/// Bytes of the record.
+fn length(item: Item, btfs: &[Arc<Btf>]) -> u64 {
+    record_of(item, btfs).map_or(0, |record| record.length.into())
+}
+
+fn request(item: Item, btfs: &[Arc<Btf>]) -> Request {
+    let archive = btf_of(item, btfs).archive.clone();
     match item {
         Item::Page(_, page) => Request::Page { archive, page },
         Item::Column(_, group) => Request::Column { archive, group },
     }
 }
 
-fn name(item: Item, btfs: &[Btf]) -> String {
-    let archive = &btfs[usize::from(material_of(item).0)].archive;
+fn name(item: Item, btfs: &[Arc<Btf>]) -> String {
+    let archive = &btf_of(item, btfs).archive;
     match item {
         Item::Page(_, page) => format!("{archive} {page}"),
         Item::Column(_, group) => format!("{archive} column of group {group}"),

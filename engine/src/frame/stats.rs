@@ -7,13 +7,13 @@ use serde::Serialize;
 use crate::gpu::GpuMilliseconds;
 
 /// Milliseconds of one frame, by phase.
-#[derive(Clone, Copy, Debug, Default, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Milliseconds {
     /// Reading votes and deciding.
     pub residency: f64,
     /// Polling the source.
     pub source: f64,
-    /// Decoding records.
+    /// Handing records to the decoder and taking back what is decoded; decoding itself where it is part of the frame.
     pub decode: f64,
     /// Writing slots and page tables.
     pub upload: f64,
@@ -24,10 +24,16 @@ pub struct Milliseconds {
 }
 
 /// What one frame did.
-#[derive(Clone, Copy, Debug, Default, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct FrameStats {
     /// Frames before this one.
     pub frame: u64,
+    /// Archives of the scene.
+    pub archives: u32,
+    /// Archives whose index is here; their materials show their mean colour at least.
+    pub archives_known: u32,
+    /// Archives that were given up; [`super::Engine::problems`] tells why.
+    pub archives_failed: u32,
     /// Pages with votes.
     pub pages_wanted: u32,
     /// Pages in the cache.
@@ -48,11 +54,11 @@ pub struct FrameStats {
     pub wire_bytes_total: u64,
     /// Bytes allocated on the GPU: caches, tables, meshes, targets.
     pub gpu_bytes: u64,
-    /// Bytes in the caches on the host.
+    /// Bytes of records and decoded pages on the host, waiting ones included.
     pub host_bytes: u64,
     /// Root mean square reflectance error that is predicted against full residency.
     pub predicted_rms: f64,
-    /// All archives are known, every pixel has voted, nothing is in flight and nothing would lower the error.
+    /// All archives are known or given up, every pixel has voted, nothing is in flight and nothing would lower the error.
     pub settled: bool,
     /// The picture was drawn; otherwise nothing had changed and the last one stands.
     pub drawn: bool,
@@ -77,6 +83,8 @@ pub struct Counters {
     pub arrivals_dropped: u64,
     /// Records of ancestors asked for again because the host had dropped them.
     pub ancestors_again: u64,
+    /// Views ahead of the camera, and views to be prefetched, for which votes were asked.
+    pub looks_ahead: u64,
     /// Records that did not match the directory.
     pub records_damaged: u64,
     /// Requests that failed.

@@ -21,17 +21,33 @@ pub(super) struct Window {
     next: usize,
     /// Sums over the phases.
     totals: Vec<u32>,
+    /// A bit for each counter: whether its sum is not zero.
+    voted: Vec<u64>,
+    /// First counter of each material.
+    bases: Vec<u32>,
+    /// The sums by material and tile, as long as they hold.
+    votes: Option<Vec<Vote>>,
 }
 
 impl Window {
-    /// A window for cells of `stride`² pixels and this many counters.
-    pub(super) fn new(stride: u32, counters: u32) -> Self {
+    /// A window for cells of `stride`² pixels, without counters.
+    pub(super) fn new(stride: u32) -> Self {
         let phases = vec![Phase::default(); (stride * stride) as usize];
         Self {
             phases,
             next: 0,
-            totals: vec![0; counters as usize],
+            totals: Vec::new(),
+            voted: Vec::new(),
+            bases: Vec::new(),
+            votes: None,
         }
+    }
+
+    /// Appends the counters of a material, one for each of its tiles.
+    pub(super) fn add_material(&mut self, tiles: u32) {
+        self.bases.push(self.totals.len() as u32);
+        self.totals.resize(self.totals.len() + tiles as usize, 0);
+        self.voted.resize(self.totals.len().div_ceil(64), 0);
     }
 
     /// The phase to ask for in a view, counted from 1; `None` if all have been. `pending` says that votes are on
@@ -74,11 +90,20 @@ impl Window {
             votes: counted.votes,
         };
         let old = std::mem::replace(phase, new);
+        if old.votes == phase.votes {
+            return;
+        }
+        self.votes = None;
         for (counter, pixels) in old.votes {
-            self.totals[counter as usize] -= pixels;
+            let total = &mut self.totals[counter as usize];
+            *total -= pixels;
+            if *total == 0 {
+                self.voted[counter as usize / 64] &= !(1 << (counter % 64));
+            }
         }
         for &(counter, pixels) in &phase.votes {
             self.totals[counter as usize] += pixels;
+            self.voted[counter as usize / 64] |= 1 << (counter % 64);
         }
     }
 
@@ -87,21 +112,46 @@ impl Window {
         self.phases.iter().all(|phase| phase.counted == view)
     }
 
-    /// The sums, by material and tile. `bases` are the first counters of the materials.
-    pub(super) fn votes(&self, bases: &[u32]) -> Vec<Vote> {
-        let ends = bases.iter().skip(1).copied().chain([self.totals.len() as u32]);
-        let mut votes = Vec::new();
-        for (material, (&base, end)) in (0..).map(MaterialId).zip(bases.iter().zip(ends)) {
-            let totals = &self.totals[base as usize..end as usize];
-            let wanted = (0..).zip(totals).filter(|&(_, &pixels)| pixels > 0);
-            votes.extend(wanted.map(|(tile, &pixels)| Vote {
-                material,
-                tile,
-                pixels,
-            }));
+    /// The material and tile of a counter.
+    pub(super) fn vote(&self, (counter, pixels): (u32, u32)) -> Vote {
+        let material = self.bases.partition_point(|&base| base <= counter) - 1;
+        Vote {
+            material: MaterialId(material as u16),
+            tile: counter - self.bases[material],
+            pixels,
         }
-        votes
     }
+
+    /// The sums, by material and tile.
+    pub(super) fn votes(&mut self) -> &[Vote] {
+        let (totals, voted, bases) = (&self.totals, &self.voted, &self.bases);
+        self.votes.get_or_insert_with(|| {
+            let mut material = 0;
+            let counters = (0..)
+                .zip(voted)
+                .flat_map(|(word, &bits)| ones(bits).map(move |bit| word * 64 + bit));
+            let vote = |counter: u32| {
+                while bases.get(material + 1).is_some_and(|&base| base <= counter) {
+                    material += 1;
+                }
+                Vote {
+                    material: MaterialId(material as u16),
+                    tile: counter - bases[material],
+                    pixels: totals[counter as usize],
+                }
+            };
+            counters.map(vote).collect()
+        })
+    }
+}
+
+/// The places of the ones, the lowest first.
+fn ones(mut bits: u64) -> impl Iterator<Item = u32> {
+    std::iter::from_fn(move || {
+        let lowest = (bits != 0).then(|| bits.trailing_zeros())?;
+        bits &= bits - 1;
+        Some(lowest)
+    })
 }
 
 #[cfg(test)]
@@ -118,7 +168,9 @@ mod tests {
 
     #[test]
     fn phases_are_summed_and_replaced() {
-        let mut window = Window::new(2, 5);
+        let mut window = Window::new(2);
+        window.add_material(3);
+        window.add_material(2);
         answer(&mut window, 1, 0, &[(0, 3), (4, 1)]);
         answer(&mut window, 1, 1, &[(4, 2)]);
         let vote = |material, tile, pixels| Vote {
@@ -126,17 +178,22 @@ mod tests {
             tile,
             pixels,
         };
-        assert_eq!(window.votes(&[0, 3]), [vote(0, 0, 3), vote(1, 1, 3)]);
+        assert_eq!(window.votes(), [vote(0, 0, 3), vote(1, 1, 3)]);
         answer(&mut window, 2, 0, &[(1, 7)]);
-        assert_eq!(window.votes(&[0, 3]), [vote(0, 1, 7), vote(1, 1, 2)]);
+        assert_eq!(window.votes(), [vote(0, 1, 7), vote(1, 1, 2)]);
         // Late votes of an older view change nothing.
         answer(&mut window, 1, 0, &[(0, 9)]);
-        assert_eq!(window.votes(&[0, 3]), [vote(0, 1, 7), vote(1, 1, 2)]);
+        assert_eq!(window.votes(), [vote(0, 1, 7), vote(1, 1, 2)]);
+        // A material more: what is known of the others stays.
+        window.add_material(200);
+        answer(&mut window, 3, 2, &[(5, 1), (204, 6)]);
+        let all = [vote(0, 1, 7), vote(1, 1, 2), vote(2, 0, 1), vote(2, 199, 6)];
+        assert_eq!(window.votes(), all);
     }
 
     #[test]
     fn every_phase_is_asked_once_and_lost_ones_again() {
-        let mut window = Window::new(2, 1);
+        let mut window = Window::new(2);
         let mut asked = Vec::new();
         while let Some(phase) = window.next(1, true) {
             window.asked(1, phase);

@@ -73,6 +73,11 @@ impl Rows {
         let (layer, row) = self.place(slot);
         layer << 16 | row
     }
+
+    /// The slot at an address.
+    pub fn slot(self, address: u32) -> Slot {
+        Slot((address >> 16) * self.layer_slots + (address & 0xffff) / self.slot_rows)
+    }
 }
 
 /// The texture.
@@ -83,11 +88,13 @@ pub(super) struct ColumnCache {
 }
 
 impl ColumnCache {
+    /// As many slots for columns of `quads` times four half floats as fit into the budget.
+    ///
     /// # Errors
     /// [`Error::Budget`] if there is no room for one column.
-    pub(super) fn new(context: &Context, quads: u64, budget_bytes: u64) -> Result<Self> {
+    pub(super) fn rows(context: &Context, quads: u64, budget_bytes: u64) -> Result<Rows> {
         let limits = context.device.limits();
-        let rows = Rows::new(
+        Rows::new(
             quads,
             budget_bytes,
             limits.max_texture_dimension_2d,
@@ -98,7 +105,10 @@ impl ColumnCache {
                 "a column cache of {budget_bytes} bytes has no room for one column of {} bytes",
                 quads * QUAD_BYTES
             ))
-        })?;
+        })
+    }
+
+    pub(super) fn new(context: &Context, rows: Rows) -> Self {
         let texture = super::targets::layers(
             context,
             "column cache",
@@ -108,10 +118,11 @@ impl ColumnCache {
                 rows.slot_rows * rows.layer_slots,
                 rows.layers,
             ),
-            wgpu::TextureUsages::empty(),
+            // Columns move to caches of other sizes.
+            wgpu::TextureUsages::COPY_SRC,
         );
         let view = super::targets::layers_view(&texture);
-        Ok(Self { rows, texture, view })
+        Self { rows, texture, view }
     }
 
     /// Writes a column as [`with_ambient`] makes it.
@@ -131,9 +142,49 @@ impl ColumnCache {
         );
     }
 
+    /// Copies slots of another cache, whose slots may be smaller, each from where to where, on the GPU.
+    pub(super) fn copy_from(&self, encoder: &mut wgpu::CommandEncoder, from: &Self, moves: &[(Slot, Slot)]) {
+        for &(source, destination) in moves {
+            for [from_place, to_place, size] in pieces(from.rows, self.rows, source, destination) {
+                let origin = |[x, y, z]: [u32; 3]| wgpu::Origin3d { x, y, z };
+                super::targets::copy(
+                    encoder,
+                    (&from.texture, origin(from_place)),
+                    (&self.texture, origin(to_place)),
+                    (size[0], size[1]),
+                );
+            }
+        }
+    }
+
     pub(super) fn bytes(&self) -> u64 {
         u64::from(self.rows.slots()) * self.rows.slot_bytes()
     }
+}
+
+/// The rectangles of a slot in two caches: column, row and layer there and here, and width, height and layers. One if
+/// the layers are equally wide, otherwise pieces of rows of the narrower. What the larger slot has more stays as it is.
+fn pieces(from: Rows, to: Rows, source: Slot, destination: Slot) -> Vec<[[u32; 3]; 3]> {
+    let ((from_layer, from_row), (to_layer, to_row)) = (from.place(source), to.place(destination));
+    if from.width_shift == to.width_shift {
+        let rows = from.slot_rows.min(to.slot_rows);
+        let size = [1 << from.width_shift, rows, 1];
+        return vec![[[0, from_row, from_layer], [0, to_row, to_layer], size]];
+    }
+    let width = 1u32 << from.width_shift.min(to.width_shift);
+    let texels =
+        (u64::from(from.slot_rows) << from.width_shift).min(u64::from(to.slot_rows) << to.width_shift);
+    let place = |rows: Rows, row: u32, layer: u32, texel: u64| {
+        let x = texel & ((1 << rows.width_shift) - 1);
+        [x as u32, row + (texel >> rows.width_shift) as u32, layer]
+    };
+    let starts = (0..texels).step_by(width as usize);
+    starts
+        .map(|texel| {
+            let there = place(from, from_row, from_layer, texel);
+            [there, place(to, to_row, to_layer, texel), [width, 1, 1]]
+        })
+        .collect()
 }
 
 /// A column as the cache holds it: `[view][light, then ambient][rgb]`; the ambient entry is the sum of the lights'
@@ -169,11 +220,42 @@ mod tests {
                 let rows = Rows::new(quads, bytes * slots, 8192, 256).unwrap();
                 assert!(u64::from(rows.slots()) <= slots && rows.layers <= 256);
                 assert!(rows.slot_rows * rows.layer_slots <= 8192);
-                let (layer, row) = rows.place(Slot(rows.slots() - 1));
+                let last = Slot(rows.slots() - 1);
+                assert_eq!(rows.slot(rows.address(last)), last);
+                let (layer, row) = rows.place(last);
                 assert!(
                     layer == rows.layers - 1 && row + rows.slot_rows == rows.slot_rows * rows.layer_slots
                 );
             }
+        }
+    }
+
+    #[test]
+    fn pieces_copy_a_column_between_layers_of_any_width() {
+        let rows = |width_shift, slot_rows| Rows {
+            width_shift,
+            slot_rows,
+            layer_slots: 2,
+            layers: 3,
+        };
+        for (from, to) in [
+            (rows(7, 4), rows(7, 9)),
+            (rows(7, 5), rows(9, 2)),
+            (rows(8, 3), rows(7, 6)),
+        ] {
+            let (source, destination) = (Slot(3), Slot(4));
+            let (from_place, to_place) = (from.place(source), to.place(destination));
+            let mut copied = 0u64;
+            for [there, here, [width, height, _]] in pieces(from, to, source, destination) {
+                assert_eq!((there[2], here[2]), (from_place.0, to_place.0));
+                let texel = |rows: Rows, row: u32, place: [u32; 3]| {
+                    (u64::from(place[1] - row) << rows.width_shift) + u64::from(place[0])
+                };
+                assert_eq!(texel(from, from_place.1, there), copied);
+                assert_eq!(texel(to, to_place.1, here), copied);
+                copied += u64::from(width) * u64::from(height);
+            }
+            assert_eq!(copied, u64::from(from.slot_rows) << from.width_shift);
         }
     }
 

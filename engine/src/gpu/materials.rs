@@ -68,67 +68,97 @@ pub struct Bases {
     pub votes: u32,
 }
 
-/// Contents of the tables that depend on the materials.
+/// The tables that depend on the BTFs. They only grow: what is known of a BTF stays where it is when others become
+/// known.
 #[derive(Debug, Default)]
 pub struct Tables {
-    /// One for each material of the scene.
-    pub materials: Vec<mirror::Material>,
-    /// Triangulations of all directions.
-    pub directions: Vec<u32>,
-    /// One for each BTF.
+    templates: Vec<mirror::Material>,
+    /// Where each BTF begins.
     pub bases: Vec<Bases>,
+    /// Words of all triangulations.
+    pub direction_words: u32,
     /// Entries of the page table.
     pub page_entries: u32,
     /// Counters of the votes.
     pub votes: u32,
 }
 
-/// Packs the tables. `btf_of` names for each material of the scene its BTF; a BTF material without one shows
-/// `unknown`.
-///
-/// # Errors
-/// [`Error::Budget`] if a table has more entries than 32 bits can count.
-pub fn pack(materials: &[Material], btfs: &[Btf], btf_of: &[Option<usize>], unknown: Vec3) -> Result<Tables> {
-    let mut tables = Tables::default();
-    let mut templates = Vec::with_capacity(btfs.len());
-    let (mut entries, mut votes) = (0u64, 0u64);
-    for btf in btfs {
-        let bases = Bases {
-            page_table: entries as u32,
-            votes: votes as u32,
-        };
+/// What a BTF adds to the tables.
+#[derive(Debug)]
+pub struct Added {
+    template: mirror::Material,
+    bases: Bases,
+    /// Words of its directions' triangulations, which belong behind the others'.
+    pub directions: Vec<u32>,
+    page_entries: u32,
+    votes: u32,
+}
+
+impl Tables {
+    /// What a BTF would add.
+    ///
+    /// # Errors
+    /// [`Error::Budget`] if a table would have more than `most_words` entries.
+    pub fn pack(&self, btf: &Btf, most_words: u32) -> Result<Added> {
         let tiles = u64::from(btf.pyramid().tile_count());
-        entries += (tiles + 1) * u64::from(btf.groups());
-        votes += tiles;
-        if entries.max(votes) > u64::from(u32::MAX) {
+        let entries = u64::from(self.page_entries) + (tiles + 1) * u64::from(btf.groups());
+        let votes = u64::from(self.votes) + tiles;
+        if entries.max(votes) > u64::from(most_words) {
             return Err(Error::Budget(format!(
-                "the pages of {} and others are more than 32 bits can count",
+                "the page tables of {} and the materials before it have {entries} entries, but this adapter's buffers \
+                 hold at most {most_words}: draw fewer or smaller materials at once",
                 btf.archive
             )));
         }
-        templates.push(template(btf, bases, &mut tables.directions));
-        tables.bases.push(bases);
+        let bases = Bases {
+            page_table: self.page_entries,
+            votes: self.votes,
+        };
+        let mut directions = Vec::new();
+        Ok(Added {
+            template: template(btf, bases, self.direction_words, &mut directions),
+            bases,
+            directions,
+            page_entries: entries as u32,
+            votes: votes as u32,
+        })
     }
-    (tables.page_entries, tables.votes) = (entries as u32, votes as u32);
-    for (material, btf) in materials.iter().zip(btf_of) {
-        let mut packed = btf.map(|btf| templates[btf]).unwrap_or_default();
-        match &material.surface {
-            Surface::Btf {
-                uv_scale, uv_offset, ..
-            } => {
-                (packed.uv_scale, packed.uv_offset) = (*uv_scale, *uv_offset);
-                if btf.is_none() {
-                    packed.albedo = unknown;
+
+    /// Adds it.
+    pub fn push(&mut self, added: &Added) {
+        self.templates.push(added.template);
+        self.bases.push(added.bases);
+        self.direction_words += added.directions.len() as u32;
+        (self.page_entries, self.votes) = (added.page_entries, added.votes);
+    }
+
+    /// One entry for each material of the scene. `btf_of` names its BTF; a BTF material without one shows `unknown`.
+    pub fn materials(
+        &self,
+        materials: &[Material],
+        btf_of: &[Option<usize>],
+        unknown: Vec3,
+    ) -> Vec<mirror::Material> {
+        let pack = |(material, btf): (&Material, &Option<usize>)| {
+            let mut packed = btf.map(|btf| self.templates[btf]).unwrap_or_default();
+            match &material.surface {
+                Surface::Btf {
+                    uv_scale, uv_offset, ..
+                } => {
+                    (packed.uv_scale, packed.uv_offset) = (*uv_scale, *uv_offset);
+                    if btf.is_none() {
+                        packed.albedo = unknown;
+                    }
                 }
+                Surface::Diffuse { albedo } => packed.albedo = *albedo,
             }
-            Surface::Diffuse { albedo } => packed.albedo = *albedo,
-        }
-        tables.materials.push(packed);
+            packed
+        };
+        materials.iter().zip(btf_of).map(pack).collect()
     }
-    Ok(tables)
 }
 
-fn template(btf: &Btf, bases: Bases, directions: &mut Vec<u32>) -> mirror::Material {
+fn template(btf: &Btf, bases: Bases, base: u32, directions: &mut Vec<u32>) -> mirror::Material {
     let (manifest, pyramid) = (&btf.index.manifest, btf.pyramid());
     let mut mips = [mirror::Mip::default(); mirror::MAX_MIPS];
     for (mip, packed) in (0..pyramid.mip_count()).zip(&mut mips) {
@@ -146,8 +176,8 @@ fn template(btf: &Btf, bases: Bases, directions: &mut Vec<u32>) -> mirror::Mater
         mip_count: pyramid.mip_count().into(),
         tail_mip: pyramid.tail_mip().into(),
         lights: manifest.lights.len() as u32,
-        view_directions: pack_directions(&btf.views, directions),
-        light_directions: pack_directions(&btf.lights, directions),
+        view_directions: pack_directions(&btf.views, base, directions),
+        light_directions: pack_directions(&btf.lights, base, directions),
         mips,
         ..Default::default()
     }
@@ -172,8 +202,9 @@ fn mip(pyramid: &Pyramid, mip: u8) -> mirror::Mip {
     }
 }
 
-fn pack_directions(triangulation: &Triangulation, words: &mut Vec<u32>) -> mirror::Triangulation {
-    let points = words.len() as u32;
+/// Appends the words of a triangulation; `base` is the place of the first of `words` in the table.
+fn pack_directions(triangulation: &Triangulation, base: u32, words: &mut Vec<u32>) -> mirror::Triangulation {
+    let points = base + words.len() as u32;
     words.extend(
         triangulation
             .points
@@ -181,7 +212,7 @@ fn pack_directions(triangulation: &Triangulation, words: &mut Vec<u32>) -> mirro
             .flatten()
             .map(|&coordinate| (coordinate as f32).to_bits()),
     );
-    let triangles = words.len() as u32;
+    let triangles = base + words.len() as u32;
     words.extend(
         triangulation
             .triangles
@@ -189,9 +220,9 @@ fn pack_directions(triangulation: &Triangulation, words: &mut Vec<u32>) -> mirro
             .flat_map(|triangle| [triangle.vertices, triangle.neighbours])
             .flatten(),
     );
-    let hull = words.len() as u32;
+    let hull = base + words.len() as u32;
     words.extend(triangulation.hull.iter().flatten());
-    let start = words.len() as u32;
+    let start = base + words.len() as u32;
     words.extend(&triangulation.start);
     mirror::Triangulation {
         points,

@@ -14,6 +14,7 @@ pub mod column_cache;
 mod context;
 pub mod feedback;
 pub mod geometry;
+mod growing;
 pub mod materials;
 pub mod page_cache;
 pub mod page_table;
@@ -30,5 +31,5 @@ pub mod visibility;
 
 pub use context::Context;
 pub use renderer::{Ask, Renderer};
-pub use resources::Caches;
+pub use resources::{Caches, Layout};
 pub use timers::GpuMilliseconds;

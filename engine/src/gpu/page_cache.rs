@@ -66,6 +66,17 @@ impl Grid {
         );
         (layer << 16) | ((place / self.columns) << 8) | (place % self.columns)
     }
+
+    /// The slot at an address.
+    pub fn slot(self, address: u32) -> Slot {
+        let (layer, row, column) = (address >> 16, address >> 8 & 0xff, address & 0xff);
+        Slot((layer * self.rows + row) * self.columns + column)
+    }
+
+    /// Slots from here on that lie beside each other, up to the end of the row.
+    fn rest_of_row(self, slot: Slot) -> u32 {
+        self.columns - slot.0 % self.columns
+    }
 }
 
 /// First texel and layer of the slot at an address.
@@ -87,10 +98,10 @@ impl PageCache {
     ///
     /// # Errors
     /// [`Error::Budget`] if that is none.
-    pub(super) fn new(context: &Context, budget_bytes: u64) -> Result<Self> {
+    pub(super) fn grid(context: &Context, budget_bytes: u64) -> Result<Grid> {
         let limits = context.device.limits();
         let slots = budget_bytes / SLOT_BYTES;
-        let grid = Grid::new(
+        Grid::new(
             slots,
             limits.max_texture_dimension_2d,
             limits.max_texture_array_layers,
@@ -99,13 +110,16 @@ impl PageCache {
             Error::Budget(format!(
                 "a page cache of {budget_bytes} bytes has no room for one page of {SLOT_BYTES} bytes"
             ))
-        })?;
+        })
+    }
+
+    pub(super) fn new(context: &Context, grid: Grid) -> Self {
         let texture = super::targets::layers(
             context,
             "page cache",
             super::targets::PAGES,
             (grid.columns * SLOT_TEXELS, grid.rows * SLOT_TEXELS, grid.layers),
-            // Borders are stitched; tests read slots back.
+            // Borders are stitched; pages move to caches of other sizes; tests read slots back.
             wgpu::TextureUsages::STORAGE_BINDING | wgpu::TextureUsages::COPY_SRC,
         );
         let view = super::targets::layers_view(&texture);
@@ -115,12 +129,26 @@ impl PageCache {
             min_filter: wgpu::FilterMode::Linear,
             ..Default::default()
         });
-        Ok(Self {
+        Self {
             grid,
             texture,
             view,
             sampler,
-        })
+        }
+    }
+
+    /// Copies slots of another cache, each from where to where, on the GPU. Slots that stay side by side are copied
+    /// together.
+    pub(super) fn copy_from(&self, encoder: &mut wgpu::CommandEncoder, from: &Self, moves: &[(Slot, Slot)]) {
+        for (first, count) in runs(from.grid, self.grid, moves) {
+            let (source, destination) = moves[first];
+            super::targets::copy(
+                encoder,
+                (&from.texture, origin_3d(from.grid.address(source))),
+                (&self.texture, origin_3d(self.grid.address(destination))),
+                (count * SLOT_TEXELS, SLOT_TEXELS),
+            );
+        }
     }
 
     pub(super) fn write(&self, context: &Context, slot: Slot, page: &Page) {
@@ -155,6 +183,23 @@ impl PageCache {
     pub(super) fn bytes(&self) -> u64 {
         u64::from(self.grid.slots()) * SLOT_BYTES
     }
+}
+
+/// Moves that can be made together: the first of them, and how many.
+fn runs(from: Grid, to: Grid, moves: &[(Slot, Slot)]) -> Vec<(usize, u32)> {
+    let mut runs: Vec<(usize, u32)> = Vec::new();
+    for (at, &(source, destination)) in moves.iter().enumerate() {
+        if let Some((first, count)) = runs.last_mut() {
+            let (from_slot, to_slot) = moves[*first];
+            let follows = source.0 == from_slot.0 + *count && destination.0 == to_slot.0 + *count;
+            if follows && *count < from.rest_of_row(from_slot).min(to.rest_of_row(to_slot)) {
+                *count += 1;
+                continue;
+            }
+        }
+        runs.push((at, 1));
+    }
+    runs
 }
 
 fn origin_3d(address: u32) -> wgpu::Origin3d {
@@ -196,7 +241,43 @@ mod tests {
         assert_eq!(addresses[5], 1 << 8 | 2);
         assert_eq!(addresses[6], 1 << 16);
         assert_eq!(origin(addresses[23]), (UVec2::new(144, 72), 3));
+        assert!((0..24).all(|slot| grid.slot(addresses[slot as usize]) == Slot(slot)));
         addresses.dedup();
         assert_eq!(addresses.len(), 24);
+    }
+
+    #[test]
+    fn runs_make_every_move_once_and_stay_in_their_rows() {
+        let grid = |columns, rows, layers| Grid {
+            columns,
+            rows,
+            layers,
+        };
+        let (from, to) = (grid(5, 3, 2), grid(4, 4, 1));
+        let moves: Vec<_> = [0, 1, 2, 3, 4, 5, 6, 8, 9, 10, 12, 20, 21, 22]
+            .into_iter()
+            .zip(0..)
+            .map(|(source, destination)| (Slot(source), Slot(destination)))
+            .collect();
+        let runs = runs(from, to, &moves);
+        assert_eq!(
+            runs.iter().map(|(_, count)| count).sum::<u32>(),
+            moves.len() as u32
+        );
+        assert!(runs.len() < moves.len());
+        let mut next = 0;
+        for (first, count) in runs {
+            assert_eq!(first, next);
+            for n in 0..count {
+                let (source, destination) = moves[first + n as usize];
+                let place = |grid: Grid, slot: Slot| (grid.address(slot) >> 8, grid.address(slot) & 0xff);
+                for (grid, slot, start) in [(from, source, moves[first].0), (to, destination, moves[first].1)]
+                {
+                    let (row, column) = place(grid, start);
+                    assert_eq!(place(grid, slot), (row, column + n));
+                }
+            }
+            next += count as usize;
+        }
     }
 }

@@ -1,7 +1,7 @@
 //! The page table: for each tile and group the finest resident page among the tile and its ancestors.
 //!
 //! Source: Schwartz, Ruiters, Klein 2013, section 3. Kept up to date by the subtree of each page that comes or
-//! goes; only changed stretches are written to the GPU. Order: for each BTF its columns by group, then its pages by
+//! goes, and longer by each BTF that becomes known; only changed stretches are written to the GPU. Order: for each BTF its columns by group, then its pages by
 //! tile and group, so that a pixel that sums over groups reads one stretch.
 
 use shaders::mirror::NONE;
@@ -29,16 +29,36 @@ pub struct PageTable {
     entries: Vec<u32>,
     regions: Vec<Region>,
     changed: Vec<bool>,
+    any_changed: bool,
 }
 
 impl PageTable {
-    /// A table in which nothing is resident.
-    pub fn new(entries: u32, regions: Vec<Region>) -> Self {
-        let entries = vec![NONE; entries as usize];
-        Self {
-            changed: vec![false; entries.len().div_ceil(CHUNK)],
-            entries,
-            regions,
+    /// Appends a BTF, of which nothing is resident; its index counts up from 0.
+    pub fn add(&mut self, region: Region) {
+        let first = self.entries.len();
+        self.entries.resize(region.base as usize + region.entries(), NONE);
+        self.changed.resize(self.entries.len().div_ceil(CHUNK), true);
+        if first < self.entries.len() {
+            self.changed[first / CHUNK] = true;
+        }
+        self.any_changed = true;
+        self.regions.push(region);
+    }
+
+    /// Gives the slots of all resident pages and columns new addresses.
+    pub fn relocate(&mut self, page: impl Fn(u32) -> u32, column: impl Fn(u32) -> u32) {
+        const ADDRESS: u32 = (1 << MIP_SHIFT) - 1;
+        for region in 0..self.regions.len() {
+            let region = self.regions[region];
+            let base = region.base as usize;
+            let pages = base + usize::from(region.groups);
+            for at in base..base + region.entries() {
+                match self.entries[at] {
+                    NONE => {}
+                    entry if at < pages => self.set(at, column(entry)),
+                    entry => self.set(at, entry & !ADDRESS | page(entry & ADDRESS)),
+                }
+            }
         }
     }
 
@@ -122,11 +142,15 @@ impl PageTable {
         if self.entries[entry] != value {
             self.entries[entry] = value;
             self.changed[entry / CHUNK] = true;
+            self.any_changed = true;
         }
     }
 
     /// Hands each changed stretch, with its first entry, to `write`, and calls it unchanged.
     pub fn flush(&mut self, mut write: impl FnMut(usize, &[u32])) {
+        if !std::mem::take(&mut self.any_changed) {
+            return;
+        }
         let mut chunk = 0;
         while chunk < self.changed.len() {
             let first = chunk;
@@ -145,6 +169,11 @@ impl PageTable {
 }
 
 impl Region {
+    /// Entries that it takes.
+    pub fn entries(&self) -> usize {
+        usize::from(self.groups) * (self.pyramid.tile_count() as usize + 1)
+    }
+
     fn entry(&self, group: u16, tile: Tile) -> usize {
         let (columns, _) = self.pyramid.grid(tile.mip);
         let index = self.pyramid.mip_base(tile.mip) + u32::from(tile.y) * columns + u32::from(tile.x);
@@ -165,12 +194,15 @@ mod tests {
 
     fn table(pyramid: Pyramid) -> PageTable {
         let entries = u32::from(GROUPS) * (pyramid.tile_count() + 1);
-        let region = |base| Region {
-            base,
-            groups: GROUPS,
-            pyramid,
-        };
-        PageTable::new(2 * entries, vec![region(0), region(entries)])
+        let mut table = PageTable::default();
+        for base in [0, entries] {
+            table.add(Region {
+                base,
+                groups: GROUPS,
+                pyramid,
+            });
+        }
+        table
     }
 
     /// What every entry should be: the finest resident page among tile and ancestors.
@@ -200,7 +232,7 @@ mod tests {
         ) {
             let pyramid = Pyramid::new(width, height, true).unwrap();
             let mut table = table(pyramid);
-            let mut on_gpu = table.entries().to_vec();
+            let mut on_gpu = vec![0; table.entries().len()];
             let mut resident = BTreeMap::new();
             for (address, (tile, group)) in (0..).zip(steps) {
                 let tile = pyramid.tile_at(tile % pyramid.tile_count()).unwrap();
@@ -218,6 +250,17 @@ mod tests {
                 prop_assert_eq!(&on_gpu[..], table.entries());
                 prop_assert_eq!(table.page(1, page), resident.get(&page).copied());
             }
+            // To other addresses, with a BTF more.
+            table.set_column(0, 1, Some(3));
+            resident.values_mut().for_each(|address| *address = 1000 - *address);
+            table.add(Region { base: table.entries().len() as u32, groups: 1, pyramid });
+            table.relocate(|address| 1000 - address, |address| address + 4);
+            on_gpu.resize(table.entries().len(), 0);
+            table.flush(|first, entries| on_gpu[first..first + entries.len()].copy_from_slice(entries));
+            let entries = on_gpu.len() * 2 / 5;
+            prop_assert_eq!(on_gpu[1], 7);
+            prop_assert_eq!(&on_gpu[entries..2 * entries], &naive(pyramid, &resident)[..]);
+            prop_assert!(on_gpu[2 * entries..].iter().all(|&entry| entry == NONE));
         }
     }
 

@@ -1,18 +1,17 @@
 //! The GPU side of one scene: in which order buffers, caches and passes are used.
 
+use half::f16;
 use scenes::{Camera, Scene};
 use shaders::mirror;
-use tileset::{Column, Page, PageId};
+use tileset::{Page, PageId};
 
 use super::{
-    column_cache::with_ambient,
     context::Context,
     feedback::Counted,
     geometry::Geometry,
     materials::Btf,
-    page_cache::SLOT_BYTES,
     readback,
-    resources::{Caches, Groups, Materials, Passes},
+    resources::{Caches, Groups, Layout, Materials, Passes},
     stitch,
     targets::Targets,
     timers::{GpuMilliseconds, Pass, Timers},
@@ -64,17 +63,7 @@ impl Renderer {
         let passes = Passes::new(&context)?;
         let targets = Targets::new(&context, size)?;
         let scene_materials = scene.materials.clone();
-        let nothing = Caches {
-            page_bytes: SLOT_BYTES,
-            column_bytes: 1 << 16,
-        };
-        let materials = Materials::new(
-            &context,
-            &scene_materials,
-            &[],
-            &vec![None; scene_materials.len()],
-            nothing,
-        )?;
+        let materials = Materials::new(&context, &scene_materials)?;
         let groups = Groups::new(&context, &passes, &targets, &geometry, &materials, &frame_buffer);
         let timers = Timers::new(&context);
         context.check()?;
@@ -93,17 +82,51 @@ impl Renderer {
         })
     }
 
-    /// Makes tables and caches for these BTFs; `btf_of` names for each material of the scene its BTF. Whatever was
-    /// resident is gone.
+    /// Appends a BTF to the tables; its index counts up from 0. Nothing of it shows before [`Renderer::show_btfs`].
     ///
     /// # Errors
-    /// [`Error::Budget`] if the caches do not hold one page and one column, or tables exceed the adapter.
-    pub fn set_materials(&mut self, btfs: &[Btf], btf_of: &[Option<usize>], caches: Caches) -> Result<()> {
-        self.materials = Materials::new(&self.context, &self.scene_materials, btfs, btf_of, caches)?;
-        self.placed.clear();
-        let votes = btfs.iter().map(|btf| btf.pyramid().tile_count()).sum();
+    /// [`Error::Budget`] if tables would exceed the adapter; then all stays as it is.
+    pub fn add_btf(&mut self, btf: &Btf) -> Result<()> {
+        self.materials.add(&self.context, btf)
+    }
+
+    /// Shows the BTFs that have been added: `btf_of` names for each material of the scene its BTF. Votes on their way
+    /// back are lost, what is resident stays.
+    ///
+    /// # Errors
+    /// [`Error::Adapter`] if the device fails.
+    pub fn show_btfs(&mut self, btf_of: &[Option<usize>]) -> Result<()> {
+        self.materials.show(&self.context, &self.scene_materials, btf_of);
+        let votes = self.materials.tables.votes;
         self.passes.feedback.resize(&self.context, votes)?;
         self.bind();
+        self.context.check()
+    }
+
+    /// How caches are laid out within budgets, where the largest column has `column_quads` times four half floats; 0 if
+    /// no BTF is known.
+    ///
+    /// # Errors
+    /// [`Error::Budget`] if the caches do not hold one page and one column.
+    pub fn layout(&self, caches: Caches, column_quads: u64) -> Result<Layout> {
+        Layout::new(&self.context, caches, column_quads)
+    }
+
+    /// Replaces the caches. Pages and columns that stay move from slot to slot on the GPU; all others must have been
+    /// removed. Old and new caches are both in memory until the copies are done.
+    ///
+    /// # Errors
+    /// [`Error::Adapter`] if the device fails.
+    pub fn resize_caches(
+        &mut self,
+        layout: Layout,
+        pages: &[(Slot, Slot)],
+        columns: &[(Slot, Slot)],
+    ) -> Result<()> {
+        if layout != self.materials.layout() {
+            self.materials.resize(&self.context, layout, pages, columns);
+            self.bind();
+        }
         self.context.check()
     }
 
@@ -134,20 +157,12 @@ impl Renderer {
 
     /// Slots of the page cache and of the column cache.
     pub fn slots(&self) -> (u32, u32) {
-        (
-            self.materials.pages.grid.slots(),
-            self.materials.columns.rows.slots(),
-        )
+        self.materials.layout().slots()
     }
 
     /// Pixels.
     pub fn size(&self) -> (u32, u32) {
         self.targets.size
-    }
-
-    /// For each BTF the index of its first counter among the votes.
-    pub fn vote_bases(&self) -> impl Iterator<Item = u32> + '_ {
-        self.materials.bases.iter().map(|bases| bases.votes)
     }
 
     /// Bytes allocated on the GPU.
@@ -176,15 +191,14 @@ impl Renderer {
         self.materials.page_table.remove(btf, page);
     }
 
-    /// Writes a column with its ambient entries into a slot and enters it into the page table.
-    pub fn place_column(&mut self, btf: usize, group: u16, slot: Slot, column: &Column) {
+    /// Writes a column, with its ambient entries ([`with_ambient`]), into a slot and enters it into the page table.
+    ///
+    /// [`with_ambient`]: super::column_cache::with_ambient
+    pub fn place_column(&mut self, btf: usize, group: u16, slot: Slot, quads: Vec<[f16; 4]>) {
         let Materials {
-            columns,
-            ambient_weights,
-            page_table,
-            ..
+            columns, page_table, ..
         } = &mut self.materials;
-        columns.write(&self.context, slot, with_ambient(column, &ambient_weights[btf]));
+        columns.write(&self.context, slot, quads);
         page_table.set_column(btf, group, Some(columns.rows.address(slot)));
     }
 
@@ -207,7 +221,11 @@ impl Renderer {
         } = &mut self.materials;
         let queue = &self.context.queue;
         page_table.flush(|first, entries| {
-            queue.write_buffer(page_table_buffer, first as u64 * 4, bytemuck::cast_slice(entries));
+            queue.write_buffer(
+                &page_table_buffer.buffer,
+                first as u64 * 4,
+                bytemuck::cast_slice(entries),
+            );
         });
         let strips = stitch::strips(page_table, std::mem::take(&mut self.placed));
         let timers = self.timers.as_mut();

@@ -4,12 +4,13 @@ use glam::Vec3;
 
 use super::{
     bind::{self, Binding},
-    column_cache::ColumnCache,
+    column_cache::{ColumnCache, Rows},
     context::Context,
     feedback::Feedback,
     geometry::Geometry,
-    materials::{self, Bases, Btf},
-    page_cache::PageCache,
+    growing::{self, Growing},
+    materials::{Btf, Tables},
+    page_cache::{Grid, PageCache},
     page_table::{PageTable, Region},
     shade::Shade,
     stitch::{Stitch, StitchGroups},
@@ -17,7 +18,7 @@ use super::{
     tonemap::Tonemap,
     visibility::Visibility,
 };
-use crate::Result;
+use crate::{Result, residency::Slot};
 
 /// Reflectance of BTFs whose archives are not known yet.
 const UNKNOWN: Vec3 = Vec3::splat(0.18);
@@ -29,6 +30,50 @@ pub struct Caches {
     pub page_bytes: u64,
     /// Bytes of the column cache.
     pub column_bytes: u64,
+}
+
+/// How the caches are laid out within their budgets.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Layout {
+    pub(super) pages: Grid,
+    pub(super) columns: Rows,
+}
+
+impl Layout {
+    /// Room for one page, and for one column of next to nothing: all that a scene without known BTFs needs.
+    const NOTHING: Self = Self {
+        pages: Grid {
+            columns: 1,
+            rows: 1,
+            layers: 1,
+        },
+        columns: Rows {
+            width_shift: 7,
+            slot_rows: 1,
+            layer_slots: 1,
+            layers: 1,
+        },
+    };
+
+    /// What `caches` have room for, if the largest column has `column_quads` times four half floats; 0 if there is none.
+    ///
+    /// # Errors
+    /// [`crate::Error::Budget`] if that is not one page and one column.
+    pub(super) fn new(context: &Context, caches: Caches, column_quads: u64) -> Result<Self> {
+        let pages = PageCache::grid(context, caches.page_bytes)?;
+        if column_quads == 0 {
+            return Ok(Self::NOTHING);
+        }
+        Ok(Self {
+            pages,
+            columns: ColumnCache::rows(context, column_quads, caches.column_bytes)?,
+        })
+    }
+
+    /// Slots for pages and for columns.
+    pub fn slots(&self) -> (u32, u32) {
+        (self.pages.slots(), self.columns.slots())
+    }
 }
 
 /// The passes, and the layouts of the bind groups that they share.
@@ -45,11 +90,10 @@ pub(super) struct Passes {
 /// What depends on the BTFs that are known.
 pub(super) struct Materials {
     pub(super) table: wgpu::Buffer,
-    pub(super) directions: wgpu::Buffer,
-    pub(super) bases: Vec<Bases>,
-    pub(super) ambient_weights: Vec<Vec<f64>>,
+    pub(super) tables: Tables,
+    pub(super) directions: Growing,
     pub(super) page_table: PageTable,
-    pub(super) page_table_buffer: wgpu::Buffer,
+    pub(super) page_table_buffer: Growing,
     pub(super) pages: PageCache,
     pub(super) columns: ColumnCache,
 }
@@ -93,37 +137,117 @@ impl Passes {
 }
 
 impl Materials {
-    pub(super) fn new(
-        context: &Context,
-        scene_materials: &[scenes::Material],
-        btfs: &[Btf],
-        btf_of: &[Option<usize>],
-        caches: Caches,
-    ) -> Result<Self> {
-        let tables = materials::pack(scene_materials, btfs, btf_of, UNKNOWN)?;
-        let regions = btfs.iter().zip(&tables.bases).map(|(btf, bases)| Region {
-            base: bases.page_table,
-            groups: btf.groups(),
-            pyramid: *btf.pyramid(),
-        });
-        let page_table = PageTable::new(tables.page_entries, regions.collect());
-        let column_quads = btfs.iter().map(Btf::column_quads).max().unwrap_or(1);
+    /// Of a scene of whose BTFs none is known.
+    pub(super) fn new(context: &Context, scene_materials: &[scenes::Material]) -> Result<Self> {
+        let tables = Tables::default();
+        let unknown = tables.materials(scene_materials, &vec![None; scene_materials.len()], UNKNOWN);
         Ok(Self {
-            table: bind::storage(context, "materials", &tables.materials)?,
-            directions: bind::storage(context, "directions", &tables.directions)?,
-            bases: tables.bases,
-            ambient_weights: btfs.iter().map(|btf| btf.ambient_weights.clone()).collect(),
-            page_table_buffer: bind::storage(context, "page tables", page_table.entries())?,
-            page_table,
-            pages: PageCache::new(context, caches.page_bytes)?,
-            columns: ColumnCache::new(context, column_quads, caches.column_bytes)?,
+            table: bind::storage(context, "materials", &unknown)?,
+            tables,
+            directions: Growing::new(context, "directions"),
+            page_table: PageTable::default(),
+            page_table_buffer: Growing::new(context, "page tables"),
+            pages: PageCache::new(context, Layout::NOTHING.pages),
+            columns: ColumnCache::new(context, Layout::NOTHING.columns),
         })
     }
 
+    /// Appends a BTF, of which nothing is resident.
+    ///
+    /// # Errors
+    /// [`crate::Error::Budget`] if a table would exceed the adapter; then all stays as it is.
+    pub(super) fn add(&mut self, context: &Context, btf: &Btf) -> Result<()> {
+        let region = Region {
+            base: self.tables.page_entries,
+            groups: btf.groups(),
+            pyramid: *btf.pyramid(),
+        };
+        let entries_bytes = region.entries() as u64 * 4;
+        let most_words = (growing::most_bytes(context) / 4).min(u32::MAX.into());
+        let added = self.tables.pack(btf, most_words as u32)?;
+        self.directions
+            .reserve(context, added.directions.len() as u64 * 4)?;
+        self.page_table_buffer.reserve(context, entries_bytes)?;
+        self.tables.push(&added);
+        self.directions.append(context, &added.directions);
+        // Written with all else that has changed in the table.
+        self.page_table_buffer.skip(entries_bytes);
+        self.page_table.add(region);
+        Ok(())
+    }
+
+    /// Lets the materials of the scene show the BTFs that `btf_of` names for them.
+    pub(super) fn show(
+        &self,
+        context: &Context,
+        scene_materials: &[scenes::Material],
+        btf_of: &[Option<usize>],
+    ) {
+        let materials = self.tables.materials(scene_materials, btf_of, UNKNOWN);
+        context
+            .queue
+            .write_buffer(&self.table, 0, bytemuck::cast_slice(&materials));
+    }
+
+    /// Makes caches of another layout and moves there, on the GPU, what stays: pages and columns from slot to slot. The
+    /// page table must name only those. A cache whose layout stays is left alone; in it nothing moves.
+    pub(super) fn resize(
+        &mut self,
+        context: &Context,
+        layout: Layout,
+        pages: &[(Slot, Slot)],
+        columns: &[(Slot, Slot)],
+    ) {
+        let old = self.layout();
+        let mut encoder = context.device.create_command_encoder(&Default::default());
+        if layout.pages != old.pages {
+            let resized = PageCache::new(context, layout.pages);
+            resized.copy_from(&mut encoder, &self.pages, pages);
+            self.pages = resized;
+        }
+        if layout.columns != old.columns {
+            let resized = ColumnCache::new(context, layout.columns);
+            resized.copy_from(&mut encoder, &self.columns, columns);
+            self.columns = resized;
+        }
+        context.queue.submit([encoder.finish()]);
+        let (page_slots, column_slots) = old.slots();
+        let page_to = destinations(page_slots, pages);
+        let column_to = destinations(column_slots, columns);
+        self.page_table.relocate(
+            |address| layout.pages.address(page_to[old.pages.slot(address).0 as usize]),
+            |address| {
+                layout
+                    .columns
+                    .address(column_to[old.columns.slot(address).0 as usize])
+            },
+        );
+    }
+
+    pub(super) fn layout(&self) -> Layout {
+        Layout {
+            pages: self.pages.grid,
+            columns: self.columns.rows,
+        }
+    }
+
     pub(super) fn bytes(&self) -> u64 {
-        let buffers = [&self.table, &self.directions, &self.page_table_buffer];
+        let buffers = [
+            &self.table,
+            &self.directions.buffer,
+            &self.page_table_buffer.buffer,
+        ];
         buffers.iter().map(|buffer| buffer.size()).sum::<u64>() + self.pages.bytes() + self.columns.bytes()
     }
+}
+
+/// For each old slot the new one.
+fn destinations(slots: u32, moves: &[(Slot, Slot)]) -> Vec<Slot> {
+    let mut to = vec![Slot(0); slots as usize];
+    for &(source, destination) in moves {
+        to[source.0 as usize] = destination;
+    }
+    to
 }
 
 impl Groups {
@@ -145,8 +269,8 @@ impl Groups {
             &geometry.lights,
         ];
         let caches = [
-            materials.page_table_buffer.as_entire_binding(),
-            materials.directions.as_entire_binding(),
+            materials.page_table_buffer.buffer.as_entire_binding(),
+            materials.directions.buffer.as_entire_binding(),
             TextureView(&materials.pages.view),
             Sampler(&materials.pages.sampler),
             TextureView(&materials.columns.view),

@@ -217,7 +217,10 @@ mod tests {
             pyramid,
         };
         let entries = 2 * (pyramid.tile_count() + 1);
-        PageTable::new(2 * entries, vec![region(0), region(entries)])
+        let mut table = PageTable::default();
+        table.add(region(0));
+        table.add(region(entries));
+        table
     }
 
     fn page(group: u16, x: u16, y: u16) -> PageId {

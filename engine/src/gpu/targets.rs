@@ -141,3 +141,27 @@ pub(super) fn write(
         },
     );
 }
+
+/// Copies a rectangle of width and height from a place in one texture to one in another.
+pub(super) fn copy(
+    encoder: &mut wgpu::CommandEncoder,
+    from: (&wgpu::Texture, wgpu::Origin3d),
+    to: (&wgpu::Texture, wgpu::Origin3d),
+    (width, height): (u32, u32),
+) {
+    let place = |(texture, origin)| wgpu::TexelCopyTextureInfo {
+        texture,
+        mip_level: 0,
+        origin,
+        aspect: wgpu::TextureAspect::All,
+    };
+    encoder.copy_texture_to_texture(
+        place(from),
+        place(to),
+        wgpu::Extent3d {
+            width,
+            height,
+            depth_or_array_layers: 1,
+        },
+    );
+}

@@ -9,7 +9,7 @@
 //! - `value`: values of pages that never grow from a page to its children.
 //! - `material`: votes, values and slots of one material.
 //! - `pool`: the slots of one cache, and who gives way.
-//! - `update`: from votes to requests. `arrival`: from answers to placements.
+//! - `update`: from votes to requests. `arrival`: from answers to placements. `limits`: other limits at run time.
 //!
 //! # The resident set is closed
 //!
@@ -57,6 +57,7 @@
 
 mod arrival;
 mod items;
+mod limits;
 mod material;
 mod pool;
 mod rank;

@@ -70,6 +70,27 @@ impl Pool {
         self.order.len().checked_sub(n + 1).map(|at| &self.order[at].0)
     }
 
+    /// Changes the number of slots: the items with the highest ranks stay, in the first slots, in the order of theirs.
+    pub(super) fn resize(&mut self, capacity: u32, rank: impl Fn(Item) -> Rank) {
+        self.capacity = capacity;
+        self.ordered = false;
+        self.order.clear();
+        self.placed.clear();
+        if self.items.len() > capacity as usize {
+            let mut ranked: Vec<_> = self
+                .items
+                .iter()
+                .zip(0..)
+                .map(|(&item, at)| (rank(item), at))
+                .collect();
+            ranked.sort_unstable_by(|a: &(Rank, usize), b| b.cmp(a));
+            ranked.truncate(capacity as usize);
+            let mut stay: Vec<usize> = ranked.into_iter().map(|(_, at)| at).collect();
+            stay.sort_unstable();
+            self.items = stay.into_iter().map(|at| self.items[at]).collect();
+        }
+    }
+
     /// Puts an item into a free slot, if there is one.
     pub(super) fn add(&mut self, item: Item, rank: Rank) -> Option<Slot> {
         if self.free() == 0 {

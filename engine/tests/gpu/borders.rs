@@ -73,7 +73,13 @@ impl Model {
             page_bytes: slots * SLOT_BYTES,
             column_bytes: 1 << 20,
         };
-        renderer.set_materials(&btfs, &[], caches).unwrap();
+        for btf in &btfs {
+            renderer.add_btf(btf).unwrap();
+        }
+        let column_quads = btfs.iter().map(Btf::column_quads).max().unwrap();
+        let layout = renderer.layout(caches, column_quads).unwrap();
+        renderer.resize_caches(layout, &[], &[]).unwrap();
+        renderer.show_btfs(&[]).unwrap();
         assert_eq!(u64::from(renderer.slots().0), slots);
         Self {
             btfs,

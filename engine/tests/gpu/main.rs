@@ -1,9 +1,12 @@
 //! The renderer on a real adapter, hardware or software. A machine without one fails here.
 
+mod arrivals;
 mod borders;
 mod budgets;
+mod changes;
 mod material;
 mod pictures;
+mod prefetch;
 mod scene;
 mod streams;
 

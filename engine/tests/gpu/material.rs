@@ -15,6 +15,8 @@ pub(crate) struct Recipe {
     pub wrap: bool,
     pub cosine: bool,
     pub groups: u16,
+    /// Of the views and of the lights.
+    pub directions: fn() -> Vec<Direction>,
     /// Eigen-texture `component` at texture coordinates.
     pub texture: fn(component: u32, s: f64, t: f64) -> f64,
     /// Eigen-ABRDF `component` for view, light and colour, without the cosine.
@@ -29,6 +31,7 @@ impl Default for Recipe {
             wrap: true,
             cosine: false,
             groups: 3,
+            directions,
             texture: weave,
             abrdf: glossy,
         }
@@ -111,8 +114,8 @@ impl Recipe {
             height: self.height,
             wrap: self.wrap,
             cosine: self.cosine,
-            views: directions(),
-            lights: directions(),
+            views: (self.directions)(),
+            lights: (self.directions)(),
             components,
             factorization: Factorization::Fmf,
             codec: Codec::DctDeltaZstd { step: 0.002 },

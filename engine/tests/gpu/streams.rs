@@ -96,7 +96,10 @@ fn without_waiting_the_same_picture_comes_in_the_end() {
         assert!(begin.elapsed() < LIMIT, "{:?}", engine.summary());
         std::thread::yield_now();
     }
-    assert!(engine.picture().unwrap() == waiting.picture().unwrap());
+    // What is decoded beside the frames is placed in the order in which it is done: in other slots, at which texture
+    // coordinates are rounded otherwise.
+    let error = relative_rmse(&engine.picture().unwrap(), &waiting.picture().unwrap());
+    assert!(error < 1e-4, "{error}");
 }
 
 #[test]

@@ -1,0 +1,175 @@
+//! The phases of a frame: feedback → votes → residency → requests → answers → decode → placement → picture.
+
+use super::{Engine, events::Event};
+use crate::{
+    Result,
+    decode::Decoded,
+    gpu::Ask,
+    residency::{Item, MaterialInfo, Placement, Summary},
+    stream::Request,
+};
+
+impl Engine {
+    /// Visibility, where the view is new, and votes, where some are missing; takes the votes that are there.
+    pub(super) fn look(&mut self, moved: bool) -> Result<()> {
+        let disturbed = self.look_ahead(moved);
+        let pending = self.renderer.votes_pending();
+        let stride = self.options.feedback_stride;
+        let phase = self
+            .window
+            .next(self.view, pending)
+            .filter(|_| !self.btfs.is_empty());
+        let ask = phase.map(|phase| Ask {
+            stride,
+            phase,
+            tag: self.window.tag(self.view, phase),
+        });
+        let camera = self.camera.as_ref().filter(|_| moved || disturbed);
+        let asked = self.renderer.look(camera, ask);
+        match ask {
+            Some(ask) if asked => self.window.asked(self.view, ask.phase),
+            _ => self.counters.feedback_skipped += 1,
+        }
+        self.poll()
+    }
+
+    /// Takes what has come back from the GPU; waits for it, if so chosen.
+    fn poll(&mut self) -> Result<()> {
+        if self.options.wait {
+            self.renderer.wait()?;
+        }
+        let (counted, gpu) = self.renderer.poll()?;
+        self.gpu = gpu.or(self.gpu);
+        for counted in counted {
+            if let Some(counted) = self.ahead.insert(counted) {
+                self.window.insert(counted);
+            }
+        }
+        Ok(())
+    }
+
+    /// Votes to residency; its plan to the records.
+    pub(super) fn decide(&mut self) {
+        let plan = self.update_residency();
+        let now = self.now();
+        self.records
+            .follow(&plan, now, &self.btfs, &mut *self.source, &mut self.counters);
+    }
+
+    /// Submits requests and takes the answers that are there: at most as many as can be in flight, so that a
+    /// source that answers at once cannot hold up a frame.
+    pub(super) fn receive(&mut self) {
+        self.archives.submit(&mut *self.source);
+        self.records.submit(&self.btfs, &mut *self.source);
+        for _ in 0..self.source.capacity() {
+            let Some(answer) = self.source.poll() else { break };
+            self.wire_bytes += answer.wire_bytes;
+            match answer.request {
+                Request::Index { .. } => self.archives.receive(answer, &mut self.problems),
+                _ => self
+                    .records
+                    .receive(answer, &self.btfs, &mut self.counters, &mut self.problems),
+            }
+        }
+    }
+
+    /// Takes the materials whose archives have become known into tables and residency.
+    pub(super) fn learn(&mut self) -> Result<()> {
+        let mut read = self
+            .archives
+            .take_read(self.options.decodes_per_frame, &mut self.problems);
+        if read.is_empty() {
+            return Ok(());
+        }
+        let caches = self.options.caches();
+        read.retain(|(archive, btf)| {
+            let fits = self.renderer.layout(caches, btf.column_quads());
+            let fits = fits.and_then(|_| self.renderer.add_btf(btf));
+            if let Err(error) = &fits {
+                self.archives.give_up(*archive, error, &mut self.problems);
+            }
+            fits.is_ok()
+        });
+        for (archive, btf) in read {
+            self.archives.set_known(archive, self.btfs.len());
+            self.residency.add_material(MaterialInfo {
+                pyramid: *btf.pyramid(),
+                groups: btf.groups(),
+                weights: btf.index.pages().iter().map(|record| record.weight).collect(),
+            });
+            self.window.add_material(btf.pyramid().tile_count());
+            self.events.add(Event::MaterialKnown {
+                archive: btf.archive.clone(),
+            });
+            self.btfs.push(btf.into());
+        }
+        self.resize_caches()?;
+        self.renderer.show_btfs(&self.archives.btf_of_material())?;
+        // All pixels vote again: some see what had no votes before.
+        self.view += 1;
+        self.ahead.ask_again();
+        self.changed = true;
+        Ok(())
+    }
+
+    /// Hands out what has arrived, takes back what has been decoded.
+    pub(super) fn decode(&mut self) -> Vec<(Item, Decoded)> {
+        let now = self.now();
+        self.records
+            .start_decoding(&self.btfs, &mut self.counters, &mut self.problems);
+        let decoded = self.records.finish_decoding(now, &self.btfs, &mut self.problems);
+        for item in self.records.take_failed() {
+            self.residency.failed(item);
+        }
+        decoded
+    }
+
+    /// Puts what has arrived where residency says.
+    pub(super) fn place(&mut self, arrived: Vec<(Item, Decoded)>) {
+        for (item, decoded) in arrived {
+            let Placement::Place { slot, evicted } = self.residency.arrived(item) else {
+                self.counters.arrivals_dropped += 1;
+                continue;
+            };
+            evicted.into_iter().for_each(|item| self.remove(item));
+            match (item, decoded) {
+                (Item::Page(material, page), Decoded::Page(texels)) => {
+                    self.renderer.place_page(material.0.into(), page, slot, &texels);
+                }
+                (Item::Column(material, group), Decoded::Column(quads)) => {
+                    self.renderer.place_column(material.0.into(), group, slot, quads);
+                }
+                _ => unreachable!("pages decode to pages, columns to columns"),
+            }
+            self.changed = true;
+        }
+    }
+
+    /// Takes what is not resident any more out of the page table.
+    pub(super) fn remove(&mut self, item: Item) {
+        match item {
+            Item::Page(material, page) => self.renderer.remove_page(material.0.into(), page),
+            Item::Column(material, group) => self.renderer.remove_column(material.0.into(), group),
+        }
+    }
+
+    /// Draws, if anything has changed. Returns whether it did.
+    pub(super) fn draw(&mut self) -> Result<bool> {
+        if !self.changed {
+            self.counters.draws_skipped += 1;
+            return Ok(false);
+        }
+        self.renderer.draw(self.options.exposure_stops.exp2());
+        self.changed = false;
+        self.poll()?;
+        Ok(true)
+    }
+
+    pub(super) fn settled(&self, summary: &Summary) -> bool {
+        let counted = self.window.complete(self.view) && self.ahead.complete();
+        self.archives.decided() == self.archives.count()
+            && (counted || self.btfs.is_empty())
+            && summary.settled
+            && self.records.idle()
+    }
+}

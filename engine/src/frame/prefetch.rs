@@ -1,0 +1,81 @@
+//! Fetching for views that are not shown: the only place where they are looked at, and the only one where their votes
+//! count.
+
+use scenes::Camera;
+
+use super::Engine;
+use crate::{
+    Error, Result,
+    gpu::Ask,
+    residency::{Plan, Vote},
+};
+
+/// A moving camera is looked ahead of in one of so many frames, since that takes rasterizing the scene.
+const FRAMES_BETWEEN: u64 = 4;
+/// Seconds of a frame where there is no clock, or none may count.
+const FRAME_SECONDS: f64 = 1.0 / 60.0;
+
+impl Engine {
+    /// Fetches what a view will need, as far as the view that is shown leaves room for it, until
+    /// [`Engine::cancel_prefetch`]. At most [`super::MAX_PREFETCHED_VIEWS`] views; with more, the one named first is
+    /// forgotten.
+    ///
+    /// # Errors
+    /// [`Error::Scene`] for an unusable camera.
+    pub fn prefetch(&mut self, view: &Camera) -> Result<()> {
+        if let Some(problem) = view.problem() {
+            return Err(Error::Scene(format!("the camera to prefetch for {problem}")));
+        }
+        self.ahead.add(*view);
+        Ok(())
+    }
+
+    /// Forgets all views that were to be prefetched.
+    pub fn cancel_prefetch(&mut self) {
+        self.ahead.cancel();
+    }
+
+    /// Seconds since the start; where every frame is to do the same with the same inputs, and in browsers, they are
+    /// counted in frames.
+    pub(super) fn now(&self) -> f64 {
+        if self.options.wait || cfg!(target_arch = "wasm32") {
+            self.frames as f64 * FRAME_SECONDS
+        } else {
+            self.clock.elapsed().as_secs_f64()
+        }
+    }
+
+    /// Asks for votes of a view ahead, if one is due. Returns whether the visibility buffer now holds that view.
+    pub(super) fn look_ahead(&mut self, moved: bool) -> bool {
+        let Some(camera) = self.camera.filter(|_| !self.btfs.is_empty()) else {
+            return false;
+        };
+        if !moved || self.frames.is_multiple_of(FRAMES_BETWEEN) {
+            let horizon = self.records.latency().min(self.options.prefetch_seconds.into());
+            self.ahead.follow(&camera, self.now(), horizon);
+        }
+        let Some((view, tag)) = self.ahead.next(self.renderer.votes_pending()) else {
+            return false;
+        };
+        let ask = Ask {
+            stride: self.options.feedback_stride,
+            phase: 0,
+            tag,
+        };
+        if self.renderer.look(Some(&view), Some(ask)) {
+            self.ahead.asked(tag);
+            self.counters.looks_ahead += 1;
+        }
+        true
+    }
+
+    /// Votes of the view that is shown, and of those ahead, to residency.
+    pub(super) fn update_residency(&mut self) -> Plan {
+        let ahead: Vec<Vote> = self.ahead.votes().map(|vote| self.window.vote(vote)).collect();
+        let shown = self.window.votes();
+        if ahead.is_empty() {
+            return self.residency.update(shown);
+        }
+        self.residency.update(&[shown, &ahead].concat())
+    }
+}
