@@ -52,6 +52,7 @@ fn limits() -> impl Strategy<Value = Limits> {
         page_slots,
         column_slots,
         in_flight,
+        bytes_in_flight: u64::MAX,
     })
 }
 
@@ -81,7 +82,7 @@ impl Driver {
 
     fn update(&mut self, votes: &[Vote]) -> Plan {
         self.scene.votes = votes.to_vec();
-        let plan = self.residency.update(votes);
+        let plan = self.residency.update(votes, &[]);
         for item in &plan.cancel {
             let at = self
                 .in_flight
@@ -355,7 +356,7 @@ proptest! {
     #[test]
     fn settled_is_nearly_optimal(scene in scene(), slots in 1u32..30, turn: usize, votes in votes()) {
         for (scene, whole_blocks) in [(scene.clone(), false), (scene.falling(), true)] {
-            let limits = Limits { page_slots: slots, column_slots: 100, in_flight: 4 };
+            let limits = Limits { page_slots: slots, column_slots: 100, in_flight: 4, bytes_in_flight: u64::MAX };
             let mut driver = Driver::new(&scene, limits);
             driver.update(&votes);
             driver.settle(turn);

@@ -239,7 +239,7 @@ impl Engine {
         else {
             return;
         };
-        let plan = residency.update(&window.votes(vote_bases));
+        let plan = residency.update(&window.votes(vote_bases), &[]);
         self.records
             .follow(&plan, btfs, &mut *self.source, &mut self.counters);
     }
@@ -283,12 +283,15 @@ impl Engine {
             page_slots,
             column_slots,
             in_flight: self.in_flight_limit(),
+            bytes_in_flight: self.options.host_bytes / 4,
         });
         for btf in &btfs {
             residency.add_material(MaterialInfo {
                 pyramid: *btf.pyramid(),
                 groups: btf.groups(),
                 weights: btf.index.pages().iter().map(|record| record.weight).collect(),
+                page_bytes: btf.index.pages().iter().map(|record| record.length).collect(),
+                column_bytes: btf.index.columns().iter().map(|record| record.length).collect(),
             });
         }
         let vote_bases: Vec<u32> = self.renderer.vote_bases().collect();

@@ -29,6 +29,8 @@ pub(crate) fn scene() -> impl Strategy<Value = Scene> {
             pyramid,
             groups,
             weights,
+            page_bytes: Vec::new(),
+            column_bytes: Vec::new(),
         })
     });
     prop::collection::vec(material, 1..4).prop_map(|materials| Scene {
@@ -54,6 +56,7 @@ impl Scene {
             pyramid,
             groups,
             weights,
+            ..
         } in &mut self.materials
         {
             let tiles = pyramid.tile_count() as usize;
@@ -132,6 +135,7 @@ impl Scene {
                 pyramid,
                 groups,
                 weights,
+                ..
             } = &self.materials[material];
             let id = MaterialId(material as u16);
             for group in 0..*groups {
