@@ -73,7 +73,7 @@
 //! worths, and the values of open groups, anew. Each group keeps the lowest rank of its resident pages and the highest
 //! of those that could be added, found again only after a change in the group; the n best pages of all lie
 //! in the n groups with the best bounds, so nothing else is looked at. The operations are those of a plain recomputation of
-//! everything (engine/tests/residency_model).
+//! everything (engine/tests/residency/plain.rs).
 //!
 //! # Stability
 //!

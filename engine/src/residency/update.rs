@@ -357,11 +357,17 @@ impl Residency {
     }
 
     /// Enough of the highest ranks to find every item that can be asked for now among them, though those in
-    /// flight and those waiting rank above it.
+    /// flight and those waiting rank above it. What is in flight for votes ahead ranks below all of the present, and
+    /// takes room in flight itself.
     fn most_claims(&self) -> usize {
+        let present = self
+            .in_flight
+            .iter()
+            .filter(|item| self.rank(**item).is_present())
+            .count();
         self.limits
             .in_flight
-            .saturating_add(self.in_flight.len())
+            .saturating_add(present)
             .saturating_add(self.failures.len())
     }
 
