@@ -62,14 +62,12 @@ impl Group {
         }
     }
 
-    /// Values of a tile's page by class, would the group be open.
-    pub(super) fn values_of(&self, tile: u32, wanted: &[Wanted; 2]) -> [f64; 2] {
-        [Class::Now, Class::Ahead].map(|class| {
-            let place = wanted[class as usize].place(tile);
-            place
-                .and_then(|place| self.values[class as usize].get(place))
-                .copied()
-                .unwrap_or(0.0)
-        })
+    /// Value of a tile's page, would the group be open.
+    pub(super) fn value_of(&self, tile: u32, class: Class, wanted: &[Wanted; 2]) -> f64 {
+        let place = wanted[class as usize].place(tile);
+        place
+            .and_then(|place| self.values[class as usize].get(place))
+            .copied()
+            .unwrap_or(0.0)
     }
 }

@@ -23,6 +23,8 @@ pub(super) struct Material {
     children: Vec<[u32; 4]>,
     /// w, `[group][tile]`; finite and not negative.
     weights: Vec<f32>,
+    /// The same, `[tile][group]`.
+    weights_by_tile: Vec<f32>,
     page_bytes: Vec<u32>,
     column_bytes: Vec<u32>,
     /// Slots of the pages, `[group][tile]`.
@@ -67,9 +69,12 @@ impl Material {
             let (columns, rows) = pyramid.grid(mip);
             (pyramid.mip_base(mip), columns, rows)
         });
+        let by_tile = (0..tiles as usize).flat_map(|tile| weights.iter().skip(tile).step_by(tiles as usize));
+        let weights_by_tile = by_tile.copied().collect();
         Self {
             id,
             tiles,
+            weights_by_tile,
             grids: grids.collect(),
             parents: parents.collect(),
             children: children.collect(),
@@ -144,12 +149,10 @@ impl Material {
                     last_wanted[tile as usize] = now;
                 }
             });
-            for (group, weights) in self
-                .groups
-                .iter_mut()
-                .zip(self.weights.chunks_exact(self.tiles as usize))
-            {
-                group.worth[class] = wanted.worth(weights);
+            let mut worths = vec![0.0; self.groups.len()];
+            wanted.worths(&self.weights_by_tile, &mut worths);
+            for (group, worth) in self.groups.iter_mut().zip(worths) {
+                group.worth[class] = worth;
             }
         }
         for group in 0..self.groups.len() {
@@ -197,11 +200,19 @@ impl Material {
     /// The lowest rank among the group's residents and the highest among what could be added to them.
     fn find_bounds(&mut self, group: usize, pin: bool) {
         let (mut lowest, mut highest): (Option<Rank>, Option<Rank>) = (None, None);
-        self.for_each_resident(group, pin, |rank, _| {
-            lowest = Some(lowest.map_or(rank, |lowest| lowest.min(rank)));
-        });
-        self.for_each_addable(group, pin, |rank| {
-            highest = Some(highest.map_or(rank, |highest| highest.max(rank)));
+        for &tile in &self.groups[group].residents {
+            let worth = self.page_worth(group, tile, pin);
+            if lowest.is_none_or(|lowest| worth <= lowest.worth()) {
+                let rank = self.rank_of(group, tile, worth);
+                lowest = Some(lowest.map_or(rank, |lowest| lowest.min(rank)));
+            }
+        }
+        self.for_each_addable_tile(group, pin, |tile| {
+            let worth = self.page_worth(group, tile, pin);
+            if highest.map_or(worth > (false, 0.0, 0.0), |highest| worth >= highest.worth()) {
+                let rank = self.rank_of(group, tile, worth);
+                highest = Some(highest.map_or(rank, |highest| highest.max(rank)));
+            }
         });
         let group = &mut self.groups[group];
         (group.lowest, group.highest) = (lowest, highest);
@@ -295,45 +306,58 @@ impl Material {
     }
 
     fn page_rank(&self, group: usize, tile: u32, pin: bool) -> Rank {
-        let open = self.groups[group].open;
-        let [value, ahead] = if open || (pin && group == 0 && tile == 0) {
-            self.groups[group].values_of(tile, &self.wanted)
-        } else {
-            [0.0; 2]
-        };
-        let pinned = pin && group == 0 && tile == 0 && value > 0.0;
-        self.rank_of(group, tile, pinned, [value, if open { ahead } else { 0.0 }])
+        self.rank_of(group, tile, self.page_worth(group, tile, pin))
+    }
+
+    /// Whether a page is pinned, its value, and its value ahead where it has none.
+    fn page_worth(&self, group: usize, tile: u32, pin: bool) -> (bool, f64, f64) {
+        let at = &self.groups[group];
+        let pin = pin && group == 0 && tile == 0;
+        if !(at.open || pin) {
+            return (false, 0.0, 0.0);
+        }
+        let value = at.value_of(tile, Class::Now, &self.wanted);
+        if value > 0.0 {
+            return (pin, value, 0.0);
+        }
+        (
+            false,
+            0.0,
+            if at.open {
+                at.value_of(tile, Class::Ahead, &self.wanted)
+            } else {
+                0.0
+            },
+        )
     }
 
     fn column_rank(&self, group: usize, pin: bool) -> Rank {
-        let worth = self.groups[group].worth;
-        self.rank_of(
-            group,
-            0,
-            pin && group == 0 && worth[Class::Now as usize] > 0.0,
-            worth,
-        )
+        let [worth, ahead] = self.groups[group].worth;
+        let ahead = if worth > 0.0 { 0.0 } else { ahead };
+        self.rank_of(group, 0, (pin && group == 0 && worth > 0.0, worth, ahead))
     }
 
     /// The root's rank, would the group be open.
     pub(super) fn root_rank(&mut self, group: u16, pin: bool, blocks: &mut Blocks) -> Rank {
         let group = usize::from(group);
         self.value(group, blocks);
-        let values = self.groups[group].values_of(0, &self.wanted);
-        self.rank_of(group, 0, pin && group == 0 && values[0] > 0.0, values)
+        let [value, ahead] =
+            [Class::Now, Class::Ahead].map(|class| self.groups[group].value_of(0, class, &self.wanted));
+        let ahead = if value > 0.0 { 0.0 } else { ahead };
+        self.rank_of(group, 0, (pin && group == 0 && value > 0.0, value, ahead))
     }
 
-    /// Of a group's root: at most this much value, by class.
-    pub(super) fn root_bound(&self, group: u16) -> [f64; 2] {
-        self.groups[usize::from(group)].worth
+    /// Of a group's root: at most this much value of the present.
+    pub(super) fn root_bound(&self, group: u16) -> f64 {
+        self.groups[usize::from(group)].worth[Class::Now as usize]
     }
 
-    fn rank_of(&self, group: usize, tile: u32, pinned: bool, [value, ahead]: [f64; 2]) -> Rank {
+    fn rank_of(&self, group: usize, tile: u32, (pinned, value, ahead): (bool, f64, f64)) -> Rank {
         let wanted = self.wanted[Class::Now as usize].place(tile).is_some();
         Rank {
             pinned,
             value,
-            ahead: if value > 0.0 { 0.0 } else { ahead },
+            ahead,
             last_wanted: if wanted {
                 u64::MAX
             } else {
@@ -368,34 +392,34 @@ impl Material {
 
     /// Ranks of the pages that are wanted and not resident, but reachable.
     pub(super) fn for_each_addable(&self, group: usize, pin: bool, mut each: impl FnMut(Rank)) {
+        self.for_each_addable_tile(group, pin, |tile| {
+            let rank = self.page_rank(group, tile, pin);
+            if rank.is_wanted() {
+                each(rank);
+            }
+        });
+    }
+
+    /// Tiles of the pages that could be added, wanted or not.
+    fn for_each_addable_tile(&self, group: usize, pin: bool, mut each: impl FnMut(u32)) {
         let at = &self.groups[group];
         if !(at.open || (pin && group == 0)) {
             return;
         }
         let slots = self.page_slots(group);
-        let mut push = |tile: u32| {
-            let rank = self.page_rank(group, tile, pin);
-            if rank.is_wanted() {
-                each(rank);
-            }
-        };
         if slots[0] == NONE {
-            push(0);
+            each(0);
         }
         if at.column_slot == NONE {
             return;
         }
         for &tile in &at.residents {
             for &child in &self.children[tile as usize] {
-                if child != NONE && slots[child as usize] == NONE && self.wants(child) {
-                    push(child);
+                if child != NONE && slots[child as usize] == NONE {
+                    each(child);
                 }
             }
         }
-    }
-
-    fn wants(&self, tile: u32) -> bool {
-        self.wanted.iter().any(|wanted| wanted.place(tile).is_some())
     }
 
     /// Ranks of all columns that are wanted and not resident.

@@ -191,15 +191,16 @@ impl Residency {
             material.for_each_addable_column(pin, |rank| worth_asking.push(rank));
             for rank in worth_asking.drain(..) {
                 // A column without a place for any page of its group is of no use.
-                let use_of = |values: [f64; 2]| match &floor {
-                    Floor::Lowest(lowest) => values[0] >= lowest.value || lowest.value <= 0.0,
+                let may_matter = match &floor {
                     Floor::Free => true,
+                    Floor::Lowest(lowest) => {
+                        (self.pin_pages && rank.group.0 == 0)
+                            || material.root_bound(rank.group.0) >= lowest.value
+                    }
                     Floor::Closed => false,
                 };
-                let pinned = self.pin_pages && rank.group.0 == 0;
-                let useful = matches!(floor, Floor::Free)
-                    || ((pinned || use_of(material.root_bound(rank.group.0)))
-                        && floor.admits(&material.root_rank(rank.group.0, self.pin_pages, &mut self.blocks)));
+                let mut root = || material.root_rank(rank.group.0, self.pin_pages, &mut self.blocks);
+                let useful = may_matter && (matches!(floor, Floor::Free) || floor.admits(&root()));
                 if useful {
                     highest.push(rank);
                 }

@@ -47,16 +47,15 @@ impl Wanted {
         wanted.map(|(&tile, pixels)| f64::from(weights[tile as usize]) * pixels)
     }
 
-    /// Σ w·v. Four sums side by side, or each addition would wait for the one before.
-    pub(super) fn worth(&self, weights: &[f32]) -> f64 {
-        let mut sums = [0.0; 4];
-        let (tiles, pixels) = (self.tiles.chunks(4), self.pixels.chunks(4));
-        for (tiles, pixels) in tiles.zip(pixels) {
-            for ((sum, &tile), pixels) in sums.iter_mut().zip(tiles).zip(pixels) {
-                *sum += f64::from(weights[tile as usize]) * pixels;
+    /// Σ w·v of each group; weights are `[tile][group]`.
+    pub(super) fn worths(&self, weights: &[f32], worths: &mut [f64]) {
+        worths.fill(0.0);
+        for (&tile, pixels) in self.tiles.iter().zip(&self.pixels) {
+            let weights = &weights[tile as usize * worths.len()..][..worths.len()];
+            for (worth, weight) in worths.iter_mut().zip(weights) {
+                *worth += f64::from(*weight) * pixels;
             }
         }
-        (sums[0] + sums[1]) + (sums[2] + sums[3])
     }
 
     /// Whether these are the votes already.

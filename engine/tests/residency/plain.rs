@@ -301,8 +301,11 @@ impl Plain {
             };
             votes.iter().filter(known).copied().collect()
         };
-        self.votes = [valid(votes), valid(ahead)];
-        self.find_values();
+        let votes = [valid(votes), valid(ahead)];
+        if self.votes != votes {
+            self.votes = votes;
+            self.find_values();
+        }
         for (material, info) in (0..).zip(self.materials.clone()) {
             for (index, tile) in (0..).zip(info.pyramid.tiles()) {
                 if self.count(material, tile, 0) > 0 {

@@ -327,7 +327,7 @@ fn same_cache(a: Item, b: Item) -> bool {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(300))]
+    #![proptest_config(ProptestConfig::with_cases(150))]
 
     /// Budgets, closure, and the predicted error against a naive model hold after every step; the checks
     /// are in the driver.
