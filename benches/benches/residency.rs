@@ -51,14 +51,10 @@ fn votes(pyramid: &Pyramid, finest: u8, tiles: u32, frame: u64, share: f32) -> V
     let pixels = PIXELS / u32::from(MATERIALS) / tiles;
     let vote = |material: u16, tile: u32| {
         let seed = u64::from(material) << 32 | u64::from(tile);
-        let changes = noise(seed << 8 | (frame + 1)) < share;
-        let pixels = pixels as f32
-            * (0.5 + noise(seed))
-            * if changes {
-                0.8 + 0.4 * noise(seed ^ frame << 20)
-            } else {
-                1.0
-            };
+        // As it was when it changed last.
+        let changed = (1..=frame).rev().find(|frame| noise(seed << 8 | frame) < share);
+        let jitter = changed.map_or(1.0, |frame| 0.8 + 0.4 * noise(seed ^ (frame << 40)));
+        let pixels = pixels as f32 * (0.5 + noise(seed)) * jitter;
         Vote {
             material: MaterialId(material),
             tile,
@@ -99,7 +95,7 @@ fn update(criterion: &mut Criterion) {
         for number in 0..MATERIALS {
             residency.add_material(material(pyramid, number));
         }
-        let frames: Vec<Vec<Vote>> = (0..16)
+        let frames: Vec<Vec<Vote>> = (0..64)
             .map(|number| votes(&pyramid, finest, tiles, number, share))
             .collect();
         for _ in 0..400 {

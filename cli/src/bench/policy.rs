@@ -62,7 +62,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     if let Some(pages) = arguments.pages.iter().find(|pages| **pages > MOST_PAGES) {
         anyhow::bail!("--pages {pages}: at most {MOST_PAGES}");
     }
-    anyhow::ensure!(arguments.loads > 0, "--loads 0: nothing would ever be there, at least 1 is needed");
+    anyhow::ensure!(
+        arguments.loads > 0,
+        "--loads 0: nothing would ever be there, at least 1 is needed"
+    );
     let spinner = progress::spinner("policy", arguments.json);
     let trace = trace(arguments)?;
     let plan = Plan {
@@ -95,7 +98,8 @@ fn trace(arguments: &Arguments) -> Result<Trace> {
         let created = File::create(path).with_context(|| format!("cannot write {}", path.display()))?;
         let mut to = BufWriter::new(created);
         trace.write(&mut to)?;
-        to.flush().with_context(|| format!("cannot write {}", path.display()))?;
+        to.flush()
+            .with_context(|| format!("cannot write {}", path.display()))?;
     }
     Ok(trace)
 }

@@ -62,12 +62,8 @@ impl Group {
         }
     }
 
-    /// Value of a tile's page, would the group be open.
-    pub(super) fn value_of(&self, tile: u32, class: Class, wanted: &[Wanted; 2]) -> f64 {
-        let place = wanted[class as usize].place(tile);
-        place
-            .and_then(|place| self.values[class as usize].get(place))
-            .copied()
-            .unwrap_or(0.0)
+    /// Value of a tile's page, would the group be open; by the votes of this class, which are given.
+    pub(super) fn value_of(&self, tile: u32, class: Class, wanted: &Wanted) -> f64 {
+        wanted.pick(&self.values[class as usize], tile)
     }
 }

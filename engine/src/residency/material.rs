@@ -197,21 +197,31 @@ impl Material {
         self.missing = self.groups.iter().map(|group| group.missing).sum();
     }
 
-    /// The lowest rank among the group's residents and the highest among what could be added to them.
+    /// The lowest rank among the group's residents and the highest among what could be added to them. Ranks are made only
+    /// of pages whose values may be the lowest and the highest.
     fn find_bounds(&mut self, group: usize, pin: bool) {
         let (mut lowest, mut highest): (Option<Rank>, Option<Rank>) = (None, None);
-        for &tile in &self.groups[group].residents {
-            let worth = self.page_worth(group, tile, pin);
-            if lowest.is_none_or(|lowest| worth <= lowest.worth()) {
-                let rank = self.rank_of(group, tile, worth);
-                lowest = Some(lowest.map_or(rank, |lowest| lowest.min(rank)));
+        let (mut least, mut most) = (f64::INFINITY, 0.0);
+        let at = &self.groups[group];
+        let [now, ahead] = &self.wanted;
+        let plain = at.open && !(pin && group == 0);
+        for &tile in &at.residents {
+            if plain && at.value_of(tile, Class::Now, now) > least {
+                continue;
             }
+            let rank = self.page_rank(group, tile, pin);
+            lowest = Some(lowest.map_or(rank, |lowest| lowest.min(rank)));
+            least = rank.value.min(least);
         }
         self.for_each_addable_tile(group, pin, |tile| {
-            let worth = self.page_worth(group, tile, pin);
-            if highest.map_or(worth > (false, 0.0, 0.0), |highest| worth >= highest.worth()) {
-                let rank = self.rank_of(group, tile, worth);
+            let value = at.value_of(tile, Class::Now, now);
+            if value < most || (value == 0.0 && ahead.is_empty()) {
+                return;
+            }
+            let rank = self.page_rank(group, tile, pin);
+            if rank.is_wanted() {
                 highest = Some(highest.map_or(rank, |highest| highest.max(rank)));
+                most = rank.value.max(most);
             }
         });
         let group = &mut self.groups[group];
@@ -316,7 +326,7 @@ impl Material {
         if !(at.open || pin) {
             return (false, 0.0, 0.0);
         }
-        let value = at.value_of(tile, Class::Now, &self.wanted);
+        let value = at.value_of(tile, Class::Now, &self.wanted[0]);
         if value > 0.0 {
             return (pin, value, 0.0);
         }
@@ -324,7 +334,7 @@ impl Material {
             false,
             0.0,
             if at.open {
-                at.value_of(tile, Class::Ahead, &self.wanted)
+                at.value_of(tile, Class::Ahead, &self.wanted[1])
             } else {
                 0.0
             },
@@ -341,8 +351,8 @@ impl Material {
     pub(super) fn root_rank(&mut self, group: u16, pin: bool, blocks: &mut Blocks) -> Rank {
         let group = usize::from(group);
         self.value(group, blocks);
-        let [value, ahead] =
-            [Class::Now, Class::Ahead].map(|class| self.groups[group].value_of(0, class, &self.wanted));
+        let [value, ahead] = [Class::Now, Class::Ahead]
+            .map(|class| self.groups[group].value_of(0, class, &self.wanted[class as usize]));
         let ahead = if value > 0.0 { 0.0 } else { ahead };
         self.rank_of(group, 0, (pin && group == 0 && value > 0.0, value, ahead))
     }
@@ -353,7 +363,7 @@ impl Material {
     }
 
     fn rank_of(&self, group: usize, tile: u32, (pinned, value, ahead): (bool, f64, f64)) -> Rank {
-        let wanted = self.wanted[Class::Now as usize].place(tile).is_some();
+        let wanted = self.wanted[Class::Now as usize].has_tile(tile);
         Rank {
             pinned,
             value,

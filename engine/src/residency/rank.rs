@@ -33,11 +33,6 @@ impl Rank {
         self.value > 0.0
     }
 
-    /// What comes before all that only breaks ties.
-    pub(super) fn worth(&self) -> (bool, f64, f64) {
-        (self.pinned, self.value, self.ahead)
-    }
-
     /// Whether any votes want it.
     pub(super) fn is_wanted(&self) -> bool {
         self.value > 0.0 || self.ahead > 0.0
@@ -45,7 +40,7 @@ impl Rank {
 
     /// Whether it is worth more, strictly.
     pub(super) fn exceeds(&self, other: &Rank) -> bool {
-        self.worth() > other.worth()
+        (self.pinned, self.value, self.ahead) > (other.pinned, other.value, other.ahead)
     }
 
     /// Whether it is worth so much more that asking for it pays.

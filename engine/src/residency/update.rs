@@ -187,8 +187,14 @@ impl Residency {
         let floor = self.floor();
         let mut highest = Highest::new(self.most_claims());
         let mut worth_asking = Vec::new();
+        let lowest =
+            (self.columns.free() == 0).then(|| self.columns.iter().map(|(item, _)| self.rank(item)).min());
         for material in &mut self.materials {
-            material.for_each_addable_column(pin, |rank| worth_asking.push(rank));
+            material.for_each_addable_column(pin, |rank| match lowest {
+                Some(Some(lowest)) if !rank.exceeds_by_margin(&lowest) => {}
+                Some(None) => {}
+                _ => worth_asking.push(rank),
+            });
             for rank in worth_asking.drain(..) {
                 // A column without a place for any page of its group is of no use.
                 let may_matter = match &floor {

@@ -35,10 +35,19 @@ impl Wanted {
         &self.parents
     }
 
-    /// Place of a tile among the wanted ones, if it is one.
-    pub(super) fn place(&self, tile: u32) -> Option<usize> {
-        let place = self.places.get(tile as usize).copied()?;
-        (place != NONE).then_some(place as usize)
+    /// Whether a tile is wanted.
+    pub(super) fn has_tile(&self, tile: u32) -> bool {
+        self.places.get(tile as usize).is_some_and(|&place| place != NONE)
+    }
+
+    /// Of values of the wanted tiles that of one tile; zero if it is none of them.
+    pub(super) fn pick(&self, values: &[f64], tile: u32) -> f64 {
+        let place = self.places.get(tile as usize);
+        // There are never as many values as NONE.
+        place
+            .and_then(|&place| values.get(place as usize))
+            .copied()
+            .unwrap_or(0.0)
     }
 
     /// w·v of each wanted tile.
