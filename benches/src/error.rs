@@ -50,6 +50,9 @@ pub enum Error {
         /// "larger" or "smaller".
         advice: &'static str,
     },
+    /// A trace of votes that cannot be written, read or replayed.
+    #[error("trace of votes: {0}")]
+    Trace(String),
     /// An argument outside of its range.
     #[error("{what} is {found}; it must be {expected}")]
     Invalid {

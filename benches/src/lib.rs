@@ -2,6 +2,7 @@
 //!
 //! - [`codec`]: bytes, error and speed of whole archives at given errors, and the speed of decoding.
 //! - [`factorize`](mod@factorize): seconds, error and memory of one factorization.
+//! - [`policy`]: predicted error over budget of ways to choose what is resident.
 //! - [`range`]: weights and compressed samples at equal rank.
 //! - [`stability`]: BTFs that are hard on floating point numbers, against bounds.
 //! - [`KeptFactors`]: factors on disk, so that a codec can be measured again without factorizing again.
@@ -14,6 +15,7 @@ mod error;
 pub mod factorize;
 mod kept;
 mod npy;
+pub mod policy;
 pub mod range;
 pub mod stability;
 mod textures;

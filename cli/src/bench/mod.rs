@@ -6,6 +6,7 @@
 mod codec;
 mod decode;
 mod factorize;
+mod policy;
 mod range;
 mod stability;
 
@@ -25,6 +26,7 @@ Examples:
   eigentile bench codec leather.npy --keep kept
   eigentile bench decode kept/leather/*.bsvtf
   eigentile bench factorize leather.npy --json
+  eigentile bench policy
   eigentile bench range leather.npy
   eigentile bench stability
 
@@ -35,6 +37,7 @@ enum Subject {
     Codec(codec::Arguments),
     Decode(decode::Arguments),
     Factorize(factorize::Arguments),
+    Policy(policy::Arguments),
     Range(range::Arguments),
     Stability(stability::Arguments),
 }
@@ -44,6 +47,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         Subject::Codec(arguments) => codec::run(arguments),
         Subject::Decode(arguments) => decode::run(arguments),
         Subject::Factorize(arguments) => factorize::run(arguments),
+        Subject::Policy(arguments) => policy::run(arguments),
         Subject::Range(arguments) => range::run(arguments),
         Subject::Stability(arguments) => stability::run(arguments),
     }

@@ -35,11 +35,14 @@ impl Engine {
         let layout = self.renderer.layout(self.options.caches(), self.column_quads())?;
         let (page_slots, column_slots) = layout.slots();
         let before = self.residency.resident();
-        self.residency.set_limits(Limits {
+        let resized = self.residency.set_limits(Limits {
             page_slots,
             column_slots,
             in_flight: self.in_flight_limit(),
+            bytes_in_flight: self.options.bytes_in_flight,
         });
+        self.records
+            .cancel(&resized.cancel, &self.btfs, &mut *self.source, &mut self.counters);
         let (mut pages, mut columns): (Vec<(Slot, Slot)>, Vec<_>) = Default::default();
         for (item, from) in before {
             match (item, self.residency.slot(item)) {

@@ -72,6 +72,7 @@ impl Engine {
                 page_slots,
                 column_slots,
                 in_flight: 1,
+                bytes_in_flight: options.bytes_in_flight,
             }),
             window: Window::new(options.feedback_stride),
             ahead: Ahead::default(),

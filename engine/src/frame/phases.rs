@@ -96,6 +96,8 @@ impl Engine {
                 pyramid: *btf.pyramid(),
                 groups: btf.groups(),
                 weights: btf.index.pages().iter().map(|record| record.weight).collect(),
+                page_bytes: btf.index.pages().iter().map(|record| record.length).collect(),
+                column_bytes: btf.index.columns().iter().map(|record| record.length).collect(),
             });
             self.window.add_material(btf.pyramid().tile_count());
             self.events.add(Event::MaterialKnown {

@@ -72,10 +72,6 @@ impl Engine {
     /// Votes of the view that is shown, and of those ahead, to residency.
     pub(super) fn update_residency(&mut self) -> Plan {
         let ahead: Vec<Vote> = self.ahead.votes().map(|vote| self.window.vote(vote)).collect();
-        let shown = self.window.votes();
-        if ahead.is_empty() {
-            return self.residency.update(shown);
-        }
-        self.residency.update(&[shown, &ahead].concat())
+        self.residency.update(self.window.votes(), &ahead)
     }
 }

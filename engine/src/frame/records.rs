@@ -90,7 +90,7 @@ impl Records {
     }
 
     /// Gives items up.
-    fn cancel(
+    pub(super) fn cancel(
         &mut self,
         items: &[Item],
         btfs: &[Arc<Btf>],

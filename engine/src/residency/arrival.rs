@@ -5,21 +5,21 @@ use super::{Failure, Item, LONGEST_BACK_OFF, MOST_FAILURES, Placement, Residency
 impl Residency {
     /// An item that was asked for is here: where does it go? Items nobody asked for are dropped.
     pub fn arrived(&mut self, item: Item) -> Placement {
-        if !self.in_flight.remove(&item) {
+        if item.material() >= self.materials.len() || !self.take_off(item) {
             return Placement::Drop;
         }
-        self.unsettled = true;
+        self.moved(item);
         self.failures.remove(&item);
         let placement = self.place(item);
         match placement {
             Placement::Place { slot, evicted } => {
                 if let Some(evicted) = evicted {
-                    self.materials[evicted.material()].set_slot(evicted, None);
+                    self.materials[evicted.material()].set_slot(evicted, None, self.pin_pages);
                     self.swapped += 1;
                 } else {
                     self.added += 1;
                 }
-                self.materials[item.material()].set_slot(item, Some(slot));
+                self.materials[item.material()].set_slot(item, Some(slot), self.pin_pages);
                 if let Some(Item::Column(..)) = evicted {
                     self.pages.forget_order();
                 }
@@ -31,10 +31,10 @@ impl Residency {
 
     /// An item could not be had; it is asked for again after a number of updates that doubles each time.
     pub fn failed(&mut self, item: Item) {
-        if !self.in_flight.remove(&item) {
+        if item.material() >= self.materials.len() || !self.take_off(item) {
             return;
         }
-        self.unsettled = true;
+        self.moved(item);
         self.close(item);
         if self.failures.len() >= MOST_FAILURES {
             self.failures.clear();
@@ -51,15 +51,23 @@ impl Residency {
         failure.retry = self.now + wait;
     }
 
+    /// Something has happened to an item: the next update has to look again.
+    fn moved(&mut self, item: Item) {
+        if self.rank(item).is_present() {
+            self.unsettled = true;
+        } else {
+            self.prefetching = true;
+        }
+    }
+
     fn place(&mut self, item: Item) -> Placement {
-        let material = &self.materials[item.material()];
-        let pool = match item {
-            Item::Page(_, page) if !material.reachable(page) => return Placement::Drop,
-            Item::Page(..) => &self.pages,
-            Item::Column(..) => &self.columns,
-        };
-        let pin = self.pins(pool);
-        let rank = material.rank(item, pin);
+        if let Item::Page(material, page) = item
+            && !self.materials[usize::from(material.0)].reachable(page)
+        {
+            return Placement::Drop;
+        }
+        let rank = self.rank(item);
+        let at_most = self.in_flight.len() + 1;
         let pool = match item {
             Item::Page(..) => &mut self.pages,
             Item::Column(..) => &mut self.columns,
@@ -67,11 +75,17 @@ impl Residency {
         if let Some(slot) = pool.add(item, rank) {
             return Placement::Place { slot, evicted: None };
         }
-        let materials = &self.materials;
-        pool.order(self.in_flight.len() + 1, |item| {
-            materials[item.material()].rank(item, pin)
-        });
-        match pool.swap(item, rank) {
+        let swapped = match item {
+            Item::Page(..) => {
+                self.order_pages(at_most);
+                self.pages.swap(item, rank)
+            }
+            Item::Column(..) => {
+                self.order_columns(at_most);
+                self.columns.swap(item, rank)
+            }
+        };
+        match swapped {
             Some((slot, evicted)) => Placement::Place {
                 slot,
                 evicted: Some(evicted),
@@ -82,8 +96,8 @@ impl Residency {
 
     /// Without its column a group's pages are worth nothing.
     fn close(&mut self, item: Item) {
-        if let Item::Column(_, group) = item {
-            self.materials[item.material()].groups[usize::from(group)].open = false;
+        if let Item::Column(..) = item {
+            self.set_open(item, false);
             self.pages.forget_order();
         }
     }

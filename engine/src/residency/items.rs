@@ -37,10 +37,14 @@ pub struct MaterialInfo {
     pub groups: u16,
     /// w of each page (paper, equation 8): group by group, within a group by tile index.
     pub weights: Vec<f32>,
+    /// Bytes of the records of the pages, in the same order; those that are missing count as none.
+    pub page_bytes: Vec<u32>,
+    /// Bytes of the records of the columns, by group; those that are missing count as none.
+    pub column_bytes: Vec<u32>,
 }
 
 /// Hard limits.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Limits {
     /// Slots of the page cache.
     pub page_slots: u32,
@@ -48,6 +52,30 @@ pub struct Limits {
     pub column_slots: u32,
     /// Most items asked for and not yet arrived.
     pub in_flight: usize,
+    /// Most bytes of records asked for and not yet arrived. A record that is larger travels alone.
+    pub bytes_in_flight: u64,
+}
+
+/// What new limits mean for what is resident and in flight. To be followed in this order: evict, move, cancel.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Resized {
+    /// Items that have lost their slots.
+    pub evicted: Vec<(Item, Slot)>,
+    /// Items that have moved, to slots that were free or have become so: copies can be made in any order.
+    pub moved: Vec<Move>,
+    /// Items in flight beyond the new limits.
+    pub cancel: Vec<Item>,
+}
+
+/// An item that has changed its slot.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Move {
+    /// What.
+    pub item: Item,
+    /// Where it was.
+    pub from: Slot,
+    /// Where it is.
+    pub to: Slot,
 }
 
 /// Where an arrived item goes.
@@ -102,8 +130,10 @@ pub struct Summary {
     /// Mean over the voting pixels of the squared reflectance error that is predicted for what is resident,
     /// relative to everything resident (paper, equation 7).
     pub predicted_mse: f64,
-    /// No operation is left that would lower the predicted error, and nothing is in flight. Items that keep
-    /// failing do not count after [`super::PATIENCE`] attempts, or a missing record would keep a program
+    /// No operation is left that would lower the predicted error, and nothing that the votes want is in flight. Items
+    /// that keep failing do not count after [`super::PATIENCE`] attempts, or a missing record would keep a program
     /// waiting forever.
     pub settled: bool,
+    /// Something is left to ask for, or in flight, that only votes ahead want. It does not count for `settled`.
+    pub prefetching: bool,
 }

@@ -4,13 +4,15 @@ use std::cmp::Reverse;
 
 use tileset::{PageId, Pyramid, Tile};
 
-use super::{Item, MaterialId, MaterialInfo, Slot, rank::Rank, value::Blocks};
-
-const NONE: u32 = u32::MAX;
+use super::{
+    Item, MaterialId, MaterialInfo, Slot,
+    group::{Class, Group},
+    rank::Rank,
+    value::Blocks,
+    wanted::{NONE, Wanted},
+};
 
 /// A material: what is known of it, what is wanted of it, what is resident of it.
-///
-/// What is wanted is kept for the tiles that have votes only, in the order of their indices, root first.
 pub(super) struct Material {
     id: MaterialId,
     pyramid: Pyramid,
@@ -18,59 +20,22 @@ pub(super) struct Material {
     /// Of each mip the index of its first tile, and its columns and rows of tiles.
     grids: Vec<(u32, u32, u32)>,
     parents: Vec<u32>,
+    children: Vec<[u32; 4]>,
     /// w, `[group][tile]`; finite and not negative.
     weights: Vec<f32>,
+    /// The same, `[tile][group]`.
+    weights_by_tile: Vec<f32>,
+    page_bytes: Vec<u32>,
+    column_bytes: Vec<u32>,
     /// Slots of the pages, `[group][tile]`.
     page_slots: Vec<u32>,
-    /// Last update at which each tile had votes.
+    /// Update at which each tile has lost its votes.
     last_wanted: Vec<u64>,
-    /// Last votes as they came: tile and pixels, by tile.
-    votes: Vec<(u32, u64)>,
-    wanted: Vec<Wanted>,
-    /// For each tile its place in `wanted`.
-    place: Vec<u32>,
-    pub(super) groups: Vec<Group>,
-}
-
-/// A tile that has votes, its own or of descendants.
-#[derive(Clone, Copy)]
-struct Wanted {
-    tile: u32,
-    /// Place of the parent in `wanted`.
-    parent: u32,
-    pixels: f64,
-}
-
-impl Wanted {
-    /// w·v, for the weights of a group.
-    fn error(&self, weights: &[f32]) -> f64 {
-        f64::from(weights[self.tile as usize]) * self.pixels
-    }
-}
-
-/// The part of a group's error that is not resident: all of it without root or column.
-fn missing(wanted: &[Wanted], own: &[f64], slots: &[u32], column_slot: u32) -> f64 {
-    let shown = column_slot != NONE && slots[0] != NONE;
-    let missing = |wanted: &Wanted| !shown || slots[wanted.tile as usize] == NONE;
-    wanted
-        .iter()
-        .zip(own)
-        .filter(|(wanted, _)| missing(wanted))
-        .map(|(_, own)| own)
-        .sum()
-}
-
-/// One component group.
-pub(super) struct Group {
-    column_slot: u32,
-    /// The column is resident, in flight, or about to be asked for: without it pages are worth nothing.
-    pub(super) open: bool,
-    /// Σ w·v over the wanted pages: what the column is worth.
-    pub(super) worth: f64,
-    /// The part of `worth` that is not resident.
+    /// What is wanted now, and ahead.
+    wanted: [Wanted; 2],
+    groups: Vec<Group>,
+    /// Sum over the groups.
     missing: f64,
-    /// Values of the pages of the wanted tiles.
-    values: Vec<f64>,
 }
 
 impl Material {
@@ -79,6 +44,8 @@ impl Material {
             pyramid,
             groups,
             mut weights,
+            page_bytes,
+            column_bytes,
         } = info;
         let tiles = pyramid.tile_count();
         let pages = usize::from(groups) * tiles as usize;
@@ -86,145 +53,189 @@ impl Material {
         for weight in &mut weights {
             *weight = if weight.is_finite() { weight.max(0.0) } else { 0.0 };
         }
+        let index = |tile| pyramid.tile_index(tile).unwrap_or(NONE);
         let parents = pyramid
             .tiles()
-            .map(|tile| {
-                pyramid
-                    .parent(tile)
-                    .and_then(|parent| pyramid.tile_index(parent))
-                    .unwrap_or(NONE)
-            })
-            .collect();
+            .map(|tile| pyramid.parent(tile).map_or(NONE, index));
+        let children = pyramid.tiles().map(|tile| {
+            let mut children = [NONE; 4];
+            children
+                .iter_mut()
+                .zip(pyramid.children(tile))
+                .for_each(|(child, tile)| *child = index(tile));
+            children
+        });
         let grids = (0..=pyramid.tail_mip()).map(|mip| {
             let (columns, rows) = pyramid.grid(mip);
             (pyramid.mip_base(mip), columns, rows)
         });
-        let grids = grids.collect();
-        let group = || Group {
-            column_slot: NONE,
-            open: false,
-            worth: 0.0,
-            missing: 0.0,
-            values: Vec::new(),
-        };
+        let by_tile = (0..tiles as usize).flat_map(|tile| weights.iter().skip(tile).step_by(tiles as usize));
+        let weights_by_tile = by_tile.copied().collect();
         Self {
             id,
-            pyramid,
             tiles,
-            grids,
-            parents,
+            weights_by_tile,
+            grids: grids.collect(),
+            parents: parents.collect(),
+            children: children.collect(),
             weights,
+            page_bytes,
+            column_bytes,
             page_slots: vec![NONE; pages],
             last_wanted: vec![0; tiles as usize],
-            votes: Vec::new(),
-            wanted: Vec::new(),
-            place: vec![NONE; tiles as usize],
-            groups: (0..groups).map(|_| group()).collect(),
+            wanted: Default::default(),
+            groups: (0..groups).map(|_| Group::default()).collect(),
+            missing: 0.0,
+            pyramid,
         }
     }
 
-    /// Whether it has votes.
+    /// Whether it has votes of the present.
     pub(super) fn visible(&self) -> bool {
-        !self.wanted.is_empty()
+        !self.wanted[Class::Now as usize].is_empty()
     }
 
     pub(super) fn has_tile(&self, tile: u32) -> bool {
         tile < self.tiles
     }
 
+    pub(super) fn groups(&self) -> &[Group] {
+        &self.groups
+    }
+
+    /// Pages that the present votes want.
     pub(super) fn pages_wanted(&self) -> u32 {
-        (self.wanted.len() * self.groups.len()) as u32
+        (self.wanted[Class::Now as usize].tiles().len() * self.groups.len()) as u32
     }
 
     /// Squared error, summed over all pixels, of what is not resident.
     pub(super) fn missing(&self) -> f64 {
-        self.groups.iter().map(|group| group.missing).sum()
+        self.missing
     }
 
-    /// Replaces the votes, given in any order, and works out what follows from them.
-    pub(super) fn set_votes(&mut self, mut votes: Vec<(u32, u64)>, now: u64, blocks: &mut Blocks) {
-        votes.sort_unstable();
-        votes.dedup_by(|later, earlier| {
-            let same = later.0 == earlier.0;
-            if same {
-                earlier.1 += later.1;
+    /// Bytes of an item's record.
+    pub(super) fn bytes(&self, item: Item) -> u64 {
+        let bytes = match item {
+            Item::Page(_, page) => self.page(page).and_then(|at| self.page_bytes.get(at)),
+            Item::Column(_, group) => self.column_bytes.get(usize::from(group)),
+        };
+        bytes.copied().unwrap_or(0).into()
+    }
+
+    /// Whether these are the votes already.
+    pub(super) fn has_votes(&self, votes: &[Vec<(u32, u64)>; 2]) -> bool {
+        self.wanted
+            .iter()
+            .zip(votes)
+            .all(|(wanted, votes)| wanted.has(votes))
+    }
+
+    /// Replaces the votes, by class, given by tile and each tile once, and works out what follows from them; `pin` as
+    /// for ranks of pages.
+    pub(super) fn set_votes(
+        &mut self,
+        votes: &mut [Vec<(u32, u64)>; 2],
+        now: u64,
+        pin: bool,
+        blocks: &mut Blocks,
+    ) {
+        for (class, (wanted, votes)) in self.wanted.iter_mut().zip(votes).enumerate() {
+            if wanted.has(votes) {
+                continue;
             }
-            same
-        });
-        if votes != self.votes {
-            self.votes = votes;
-            self.want();
-            self.revalue(blocks);
-        }
-        for wanted in &self.wanted {
-            self.last_wanted[wanted.tile as usize] = now;
-        }
-    }
-
-    /// From votes for tiles to wanted tiles: each vote counts for all ancestors too (equation 9).
-    fn want(&mut self) {
-        for wanted in &self.wanted {
-            self.place[wanted.tile as usize] = NONE;
-        }
-        self.wanted.clear();
-        for &(tile, pixels) in &self.votes {
-            let mut tile = tile;
-            while tile != NONE {
-                let place = &mut self.place[tile as usize];
-                if *place == NONE {
-                    *place = self.wanted.len() as u32;
-                    self.wanted.push(Wanted {
-                        tile,
-                        parent: NONE,
-                        pixels: 0.0,
-                    });
+            let last_wanted = &mut self.last_wanted;
+            wanted.set(votes, &self.parents, |tile| {
+                if class == Class::Now as usize {
+                    last_wanted[tile as usize] = now;
                 }
-                self.wanted[*place as usize].pixels += pixels as f64;
-                tile = self.parents[tile as usize];
+            });
+            let mut worths = vec![0.0; self.groups.len()];
+            wanted.worths(&self.weights_by_tile, &mut worths);
+            for (group, worth) in self.groups.iter_mut().zip(worths) {
+                group.worth[class] = worth;
             }
         }
-        self.wanted.sort_unstable_by_key(|wanted| wanted.tile);
-        for (place, wanted) in self.wanted.iter_mut().enumerate() {
-            self.place[wanted.tile as usize] = place as u32;
-            let parent = self.parents[wanted.tile as usize];
-            wanted.parent = if parent == NONE {
-                NONE
-            } else {
-                self.place[parent as usize]
-            };
-        }
-    }
-
-    fn revalue(&mut self, blocks: &mut Blocks) {
-        let parents: Vec<u32> = self.wanted.iter().map(|wanted| wanted.parent).collect();
-        let mut own = Vec::with_capacity(self.wanted.len());
-        let tiles = self.tiles as usize;
-        let pages = self
-            .weights
-            .chunks_exact(tiles)
-            .zip(self.page_slots.chunks_exact(tiles));
-        for (group, (weights, slots)) in self.groups.iter_mut().zip(pages) {
-            own.clear();
-            own.extend(self.wanted.iter().map(|wanted| wanted.error(weights)));
-            group.worth = own.iter().sum();
-            group.missing = missing(&self.wanted, &own, slots, group.column_slot);
-            group.values.resize(own.len(), 0.0);
-            if !own.is_empty() {
-                blocks.values(&own, &parents, &mut group.values);
+        for group in 0..self.groups.len() {
+            self.groups[group].valued = false;
+            if self.groups[group].open || group == 0 {
+                self.value(group, blocks);
             }
+            self.find_missing(group);
+            self.find_bounds(group, pin);
         }
+        self.sum_missing();
     }
 
-    /// After a change of the group's pages or column.
+    /// Values of the pages of a group, unless they are known.
+    fn value(&mut self, group: usize, blocks: &mut Blocks) {
+        let weights = self.weights.chunks_exact(self.tiles as usize).nth(group);
+        self.groups[group].value(weights.unwrap_or(&[]), &self.wanted, blocks);
+    }
+
+    fn page_slots(&self, group: usize) -> &[u32] {
+        &self.page_slots[group * self.tiles as usize..][..self.tiles as usize]
+    }
+
+    /// The part of a group's error that is not resident: all of it without root or column.
     fn find_missing(&mut self, group: usize) {
-        let pages = group * self.tiles as usize..(group + 1) * self.tiles as usize;
-        let (weights, slots) = (&self.weights[pages.clone()], &self.page_slots[pages]);
-        let own: Vec<f64> = self.wanted.iter().map(|wanted| wanted.error(weights)).collect();
-        let group = &mut self.groups[group];
-        group.missing = missing(&self.wanted, &own, slots, group.column_slot);
+        let slots = self.page_slots(group);
+        let shown = self.groups[group].column_slot != NONE && slots[0] != NONE;
+        let missing = if shown {
+            let weights = &self.weights[group * self.tiles as usize..][..self.tiles as usize];
+            let wanted = &self.wanted[Class::Now as usize];
+            let errors = wanted.tiles().iter().zip(wanted.errors(weights));
+            errors
+                .map(|(&tile, error)| if slots[tile as usize] == NONE { error } else { 0.0 })
+                .sum()
+        } else {
+            self.groups[group].worth[Class::Now as usize]
+        };
+        self.groups[group].missing = missing;
     }
 
-    /// As [`Pyramid::tile_index`], from a table: it is asked for every resident page in every update.
+    fn sum_missing(&mut self) {
+        self.missing = self.groups.iter().map(|group| group.missing).sum();
+    }
+
+    /// The lowest rank among the group's residents and the highest among what could be added to them. Ranks are made only
+    /// of pages whose values may be the lowest and the highest.
+    fn find_bounds(&mut self, group: usize, pin: bool) {
+        let (mut lowest, mut highest): (Option<Rank>, Option<Rank>) = (None, None);
+        let (mut least, mut most) = (f64::INFINITY, 0.0);
+        let at = &self.groups[group];
+        let [now, ahead] = &self.wanted;
+        let plain = at.open && !(pin && group == 0);
+        for &tile in &at.residents {
+            if plain && at.value_of(tile, Class::Now, now) > least {
+                continue;
+            }
+            let rank = self.page_rank(group, tile, pin);
+            lowest = Some(lowest.map_or(rank, |lowest| lowest.min(rank)));
+            least = rank.value.min(least);
+        }
+        self.for_each_addable_tile(group, pin, |tile| {
+            let value = at.value_of(tile, Class::Now, now);
+            if value < most || (value == 0.0 && ahead.is_empty()) {
+                return;
+            }
+            let rank = self.page_rank(group, tile, pin);
+            if rank.is_wanted() {
+                highest = Some(highest.map_or(rank, |highest| highest.max(rank)));
+                most = rank.value.max(most);
+            }
+        });
+        let group = &mut self.groups[group];
+        (group.lowest, group.highest) = (lowest, highest);
+    }
+
+    /// To be called when the pins have changed.
+    pub(super) fn pins_changed(&mut self, pin: bool) {
+        if !self.groups.is_empty() {
+            self.find_bounds(0, pin);
+        }
+    }
+
+    /// As [`Pyramid::tile_index`], from a table.
     fn tile_index(&self, tile: Tile) -> Option<u32> {
         let &(base, columns, rows) = self.grids.get(usize::from(tile.mip))?;
         let (x, y) = (u32::from(tile.x), u32::from(tile.y));
@@ -233,11 +244,8 @@ impl Material {
 
     fn page(&self, page: PageId) -> Option<usize> {
         let tile = self.tile_index(page.tile)?;
-        (usize::from(page.group) < self.groups.len()).then(|| self.page_at(page.group.into(), tile))
-    }
-
-    fn page_at(&self, group: usize, tile: u32) -> usize {
-        group * self.tiles as usize + tile as usize
+        let group = usize::from(page.group);
+        (group < self.groups.len()).then(|| group * self.tiles as usize + tile as usize)
     }
 
     pub(super) fn slot(&self, item: Item) -> Option<Slot> {
@@ -249,22 +257,50 @@ impl Material {
     }
 
     /// Notes where an item is now.
-    pub(super) fn set_slot(&mut self, item: Item, slot: Option<Slot>) {
-        let slot = slot.map_or(NONE, |slot| slot.0);
-        match item {
+    pub(super) fn set_slot(&mut self, item: Item, slot: Option<Slot>, pin: bool) {
+        let to = slot.map_or(NONE, |slot| slot.0);
+        let group = match item {
             Item::Page(_, page) => {
                 let Some(at) = self.page(page) else { return };
-                self.page_slots[at] = slot;
-                self.find_missing(page.group.into());
+                let from = std::mem::replace(&mut self.page_slots[at], to);
+                let group = usize::from(page.group);
+                let tile = at as u32 - group as u32 * self.tiles;
+                let residents = &mut self.groups[group].residents;
+                match (from, to) {
+                    (NONE, NONE) => {}
+                    (NONE, _) => residents.push(tile),
+                    (_, NONE) => residents.retain(|resident| *resident != tile),
+                    _ => {}
+                }
+                group
             }
             Item::Column(_, group) => {
                 let Some(at) = self.groups.get_mut(usize::from(group)) else {
                     return;
                 };
-                at.column_slot = slot;
-                at.open = slot != NONE;
-                self.find_missing(group.into());
+                at.column_slot = to;
+                at.open = to != NONE;
+                let group = usize::from(group);
+                if to != NONE {
+                    self.value(group, &mut Blocks::default());
+                }
+                group
             }
+        };
+        self.find_missing(group);
+        self.sum_missing();
+        self.find_bounds(group, pin);
+    }
+
+    /// Opens a group, or closes it.
+    pub(super) fn set_open(&mut self, group: u16, open: bool, pin: bool, blocks: &mut Blocks) {
+        let group = usize::from(group);
+        if self.groups[group].open != open {
+            self.groups[group].open = open;
+            if open {
+                self.value(group, blocks);
+            }
+            self.find_bounds(group, pin);
         }
     }
 
@@ -280,41 +316,63 @@ impl Material {
     }
 
     fn page_rank(&self, group: usize, tile: u32, pin: bool) -> Rank {
-        let value = match self.place[tile as usize] {
-            NONE => 0.0,
-            place => self.groups[group].values[place as usize],
-        };
-        let pinned = pin && group == 0 && tile == 0 && value > 0.0;
-        let value = if self.groups[group].open || pinned {
-            value
-        } else {
-            0.0
-        };
-        self.rank_of(group, tile, pinned, value)
+        self.rank_of(group, tile, self.page_worth(group, tile, pin))
+    }
+
+    /// Whether a page is pinned, its value, and its value ahead where it has none.
+    fn page_worth(&self, group: usize, tile: u32, pin: bool) -> (bool, f64, f64) {
+        let at = &self.groups[group];
+        let pin = pin && group == 0 && tile == 0;
+        if !(at.open || pin) {
+            return (false, 0.0, 0.0);
+        }
+        let value = at.value_of(tile, Class::Now, &self.wanted[0]);
+        if value > 0.0 {
+            return (pin, value, 0.0);
+        }
+        (
+            false,
+            0.0,
+            if at.open {
+                at.value_of(tile, Class::Ahead, &self.wanted[1])
+            } else {
+                0.0
+            },
+        )
     }
 
     fn column_rank(&self, group: usize, pin: bool) -> Rank {
-        let worth = if self.visible() {
-            self.groups[group].worth
-        } else {
-            0.0
-        };
-        self.rank_of(group, 0, pin && group == 0 && worth > 0.0, worth)
+        let [worth, ahead] = self.groups[group].worth;
+        let ahead = if worth > 0.0 { 0.0 } else { ahead };
+        self.rank_of(group, 0, (pin && group == 0 && worth > 0.0, worth, ahead))
     }
 
-    /// The column's place in the order of requests: as its root, see the module's documentation.
-    pub(super) fn column_urgency(&self, group: usize, rank: Rank) -> Rank {
-        Rank {
-            value: self.groups[group].values.first().copied().unwrap_or(0.0),
-            ..rank
-        }
+    /// The root's rank, would the group be open.
+    pub(super) fn root_rank(&mut self, group: u16, pin: bool, blocks: &mut Blocks) -> Rank {
+        let group = usize::from(group);
+        self.value(group, blocks);
+        let [value, ahead] = [Class::Now, Class::Ahead]
+            .map(|class| self.groups[group].value_of(0, class, &self.wanted[class as usize]));
+        let ahead = if value > 0.0 { 0.0 } else { ahead };
+        self.rank_of(group, 0, (pin && group == 0 && value > 0.0, value, ahead))
     }
 
-    fn rank_of(&self, group: usize, tile: u32, pinned: bool, value: f64) -> Rank {
+    /// Of a group's root: at most this much value of the present.
+    pub(super) fn root_bound(&self, group: u16) -> f64 {
+        self.groups[usize::from(group)].worth[Class::Now as usize]
+    }
+
+    fn rank_of(&self, group: usize, tile: u32, (pinned, value, ahead): (bool, f64, f64)) -> Rank {
+        let wanted = self.wanted[Class::Now as usize].has_tile(tile);
         Rank {
             pinned,
             value,
-            last_wanted: self.last_wanted[tile as usize],
+            ahead,
+            last_wanted: if wanted {
+                u64::MAX
+            } else {
+                self.last_wanted[tile as usize]
+            },
             tile: Reverse(tile),
             group: Reverse(group as u16),
             material: Reverse(self.id.0),
@@ -326,51 +384,59 @@ impl Material {
         let group = usize::from(page.group);
         match self.tile_index(page.tile) {
             Some(0) => group < self.groups.len(),
-            Some(tile) => group < self.groups.len() && self.reachable_at(group, tile),
-            None => false,
+            Some(tile) if group < self.groups.len() => {
+                let parent = self.parents[tile as usize];
+                self.groups[group].column_slot != NONE && self.page_slots(group)[parent as usize] != NONE
+            }
+            _ => false,
         }
     }
 
-    fn reachable_at(&self, group: usize, tile: u32) -> bool {
-        let parent = self.page_at(group, self.parents[tile as usize]);
-        self.groups[group].column_slot != NONE && self.page_slots[parent] != NONE
+    /// Ranks and slots of a group's resident pages.
+    pub(super) fn for_each_resident(&self, group: usize, pin: bool, mut each: impl FnMut(Rank, Slot)) {
+        let slots = self.page_slots(group);
+        for &tile in &self.groups[group].residents {
+            each(self.page_rank(group, tile, pin), Slot(slots[tile as usize]));
+        }
     }
 
-    /// Ranks of all pages of value that are not resident, but reachable.
-    pub(super) fn for_each_addable_page(&self, pin: bool, mut each: impl FnMut(Rank)) {
-        for group in 0..self.groups.len() {
-            let Group {
-                open, column_slot, ..
-            } = self.groups[group];
-            let pinned = pin && group == 0;
-            if !(open || pinned) {
-                continue;
+    /// Ranks of the pages that are wanted and not resident, but reachable.
+    pub(super) fn for_each_addable(&self, group: usize, pin: bool, mut each: impl FnMut(Rank)) {
+        self.for_each_addable_tile(group, pin, |tile| {
+            let rank = self.page_rank(group, tile, pin);
+            if rank.is_wanted() {
+                each(rank);
             }
-            let wanted = if column_slot == NONE {
-                self.wanted.get(..1)
-            } else {
-                self.wanted.get(..)
-            };
-            let values = &self.groups[group].values;
-            for (wanted, &value) in wanted.unwrap_or(&[]).iter().zip(values) {
-                let addable = value > 0.0
-                    && self.page_slots[self.page_at(group, wanted.tile)] == NONE
-                    && (wanted.tile == 0 || self.reachable_at(group, wanted.tile));
-                if addable {
-                    each(self.page_rank(group, wanted.tile, pin));
+        });
+    }
+
+    /// Tiles of the pages that could be added, wanted or not.
+    fn for_each_addable_tile(&self, group: usize, pin: bool, mut each: impl FnMut(u32)) {
+        let at = &self.groups[group];
+        if !(at.open || (pin && group == 0)) {
+            return;
+        }
+        let slots = self.page_slots(group);
+        if slots[0] == NONE {
+            each(0);
+        }
+        if at.column_slot == NONE {
+            return;
+        }
+        for &tile in &at.residents {
+            for &child in &self.children[tile as usize] {
+                if child != NONE && slots[child as usize] == NONE {
+                    each(child);
                 }
             }
         }
     }
 
-    /// Ranks of all columns of value that are not resident.
+    /// Ranks of all columns that are wanted and not resident.
     pub(super) fn for_each_addable_column(&self, pin: bool, mut each: impl FnMut(Rank)) {
-        if !self.visible() {
-            return;
-        }
-        for group in 0..self.groups.len() {
-            if self.groups[group].column_slot == NONE && self.groups[group].worth > 0.0 {
-                each(self.column_rank(group, pin));
+        for (at, group) in self.groups.iter().enumerate() {
+            if group.column_slot == NONE && group.worth.iter().any(|worth| *worth > 0.0) {
+                each(self.column_rank(at, pin));
             }
         }
     }
@@ -385,12 +451,5 @@ impl Material {
                 tile,
             },
         ))
-    }
-
-    /// Closes all groups whose column is not resident.
-    pub(super) fn close_groups(&mut self) {
-        for group in &mut self.groups {
-            group.open = group.column_slot != NONE;
-        }
     }
 }

@@ -5,11 +5,11 @@
 //! (columns).
 //!
 //! - `items`: the words of the contract: items, votes, plans, placements.
-//! - `rank`: the order in which items deserve their places.
-//! - `value`: values of pages that never grow from a page to its children.
-//! - `material`: votes, values and slots of one material.
+//! - `rank`: the order in which items deserve their places. `claim`: who gets one.
+//! - `wanted`: tiles that votes want. `value`: values of pages that never grow from a page to its children.
+//! - `material`: votes, values and slots of one material. `group`: what is known of one of its component groups.
 //! - `pool`: the slots of one cache, and who gives way.
-//! - `update`: from votes to requests. `arrival`: from answers to placements. `limits`: other limits at run time.
+//! - `update`: from votes to requests. `arrival`: from answers to placements. `limits`: budgets that change.
 //!
 //! # The resident set is closed
 //!
@@ -48,6 +48,33 @@
 //! are worth nothing either; both stay while there is room and are the first to give way, least recently
 //! wanted first.
 //!
+//! A column is asked for only if its root would be: if there is a free slot for pages, or the root is worth more by the
+//! margin than the page that would give way for it. So columns do not fill up with groups of which no page would ever
+//! be there, however many slots they have.
+//!
+//! # Votes ahead
+//!
+//! A second set of votes says what may be seen soon. It makes ranks of a lower class: it counts only for items
+//! that the present does not want at all, and the least item of the present ranks above the best of these. So what is
+//! fetched ahead fills free slots and takes the places of what nobody wants, and the present takes them back like any
+//! others. It is asked for when every request of the present has gone out, and is cancelled where it holds up a later one.
+//!
+//! # Votes are taken as they come
+//!
+//! Sparse jittered feedback is noisy, but it is the frame that smooths it: its window sums the newest votes of every
+//! phase of the jitter, which is each pixel once and a moving mean over as many frames. A second filter here would
+//! only lag behind it, and would change all votes in every frame where now only those change that have changed. A static
+//! view has its exact votes when each phase has been seen, after finitely many updates. What noise the motion leaves is the
+//! margin's business (below).
+//!
+//! # The cost of an update
+//!
+//! It follows what has changed. Votes that differ change the counts on the ways up to the root; their materials work out
+//! worths, and the values of open groups, anew. Each group keeps the lowest rank of its resident pages and the highest
+//! of those that could be added, found again only after a change in the group; the n best pages of all lie
+//! in the n groups with the best bounds, so nothing else is looked at. The operations are those of a plain recomputation of
+//! everything (engine/tests/residency/plain.rs).
+//!
 //! # Stability
 //!
 //! Free slots are filled first. With none left an item is asked for if it is worth more than what would give
@@ -56,6 +83,8 @@
 //! visible material are pinned as long as each visible material can have one.
 
 mod arrival;
+mod claim;
+mod group;
 mod items;
 mod limits;
 mod material;
@@ -63,12 +92,16 @@ mod pool;
 mod rank;
 mod update;
 mod value;
+mod wanted;
 
 use std::collections::{BTreeSet, HashMap};
 
-pub use items::{Item, Limits, MaterialId, MaterialInfo, Placement, Plan, Slot, Summary, Vote};
+pub use items::{
+    Item, Limits, MaterialId, MaterialInfo, Move, Placement, Plan, Resized, Slot, Summary, Vote,
+};
 use material::Material;
 use pool::Pool;
+use value::Blocks;
 
 /// How much more an item must be worth than what gives way for it, before it is asked for: the 1.6 % that
 /// votes jitter by while a camera drifts. Bounds what settling forgoes by the same share.
@@ -92,17 +125,29 @@ pub struct Residency {
     columns: Pool,
     /// Ordered, because plans follow its order.
     in_flight: BTreeSet<Item>,
+    /// Of their records.
+    bytes_in_flight: u64,
+    /// Columns whose groups are open, besides those that are resident.
+    opened: Vec<Item>,
     failures: HashMap<Item, Failure>,
     /// Updates so far: the clock.
     now: u64,
-    /// The last votes: what settled with them stays so.
-    votes: Vec<Vote>,
+    /// The last votes, and those ahead: what settled with them stays so.
+    votes: [Vec<Vote>; 2],
     /// Pixels of the last votes.
     pixels: u64,
+    /// Each visible material can have one page for sure, and one column.
+    pin_pages: bool,
+    pin_columns: bool,
     /// The last update found something to ask for, or something has been placed since.
     unsettled: bool,
+    /// The same of what only votes ahead want.
+    prefetching: bool,
     added: u64,
     swapped: u64,
+    /// Working memory: votes by material and class, and values.
+    sorted: Vec<[Vec<(u32, u64)>; 2]>,
+    blocks: Blocks,
 }
 
 /// Failures in a row, and the update from which on to try again.
@@ -120,13 +165,20 @@ impl Residency {
             pages: Pool::new(limits.page_slots),
             columns: Pool::new(limits.column_slots),
             in_flight: BTreeSet::new(),
+            bytes_in_flight: 0,
+            opened: Vec::new(),
             failures: HashMap::new(),
             now: 0,
-            votes: Vec::new(),
+            votes: Default::default(),
             pixels: 0,
+            pin_pages: true,
+            pin_columns: true,
             unsettled: true,
+            prefetching: false,
             added: 0,
             swapped: 0,
+            sorted: Vec::new(),
+            blocks: Blocks::default(),
         }
     }
 
@@ -153,10 +205,6 @@ impl Residency {
         self.pages.iter().chain(self.columns.iter()).collect()
     }
 
-    fn settled(&self) -> bool {
-        !self.unsettled && self.in_flight.is_empty()
-    }
-
     /// What is known after the last update and the arrivals since.
     pub fn summary(&self) -> Summary {
         let missing: f64 = self.materials.iter().map(Material::missing).sum();
@@ -172,7 +220,8 @@ impl Residency {
             } else {
                 0.0
             },
-            settled: self.settled(),
+            settled: !self.unsettled && !self.in_flight.iter().any(|item| self.rank(*item).is_present()),
+            prefetching: self.prefetching || self.in_flight.iter().any(|item| !self.rank(*item).is_present()),
         }
     }
 }

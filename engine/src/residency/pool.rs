@@ -2,13 +2,13 @@
 
 use std::{cmp::Reverse, collections::BinaryHeap};
 
-use super::{Item, Slot, rank::Rank};
+use super::{Item, Move, Slot, rank::Rank};
 
-/// Slots are filled in order and never become free again: an item leaves only for another.
+/// Slots are filled in order, and only a smaller capacity makes one free again: an item leaves for another.
 pub(super) struct Pool {
     capacity: u32,
     items: Vec<Item>,
-    /// The lowest ranks of the items as they were when it was last [ordered](Pool::order), lowest last.
+    /// The lowest ranks of the items, and their slots, as they were when it was last [ordered](Pool::order), lowest last.
     order: Vec<(Rank, u32)>,
     /// Ranks of the items placed since.
     placed: BinaryHeap<Reverse<(Rank, u32)>>,
@@ -31,7 +31,37 @@ impl Pool {
     }
 
     pub(super) fn free(&self) -> u32 {
-        self.capacity - self.len()
+        self.capacity.saturating_sub(self.len())
+    }
+
+    /// To be followed by [`Pool::shrink`] where it is less than what is there.
+    pub(super) fn set_capacity(&mut self, capacity: u32) {
+        self.capacity = capacity;
+        self.forget_order();
+    }
+
+    /// Empties these slots, as many as there are items too many; then moves what lies beyond the capacity into them.
+    pub(super) fn shrink(&mut self, slots: impl Iterator<Item = Slot>) -> (Vec<(Item, Slot)>, Vec<Move>) {
+        let mut slots: Vec<Slot> = slots.collect();
+        slots.sort_unstable();
+        let evicted = slots
+            .iter()
+            .map(|&slot| (self.items[slot.0 as usize], slot))
+            .collect();
+        let mut free = slots.iter().copied().filter(|slot| slot.0 < self.capacity);
+        let mut moved = Vec::new();
+        for from in (self.capacity..self.len()).map(Slot) {
+            if slots.binary_search(&from).is_err()
+                && let Some(to) = free.next()
+            {
+                let item = self.items[from.0 as usize];
+                self.items[to.0 as usize] = item;
+                moved.push(Move { item, from, to });
+            }
+        }
+        self.items.truncate(self.capacity as usize);
+        self.forget_order();
+        (evicted, moved)
     }
 
     pub(super) fn capacity(&self) -> u32 {
@@ -47,15 +77,16 @@ impl Pool {
         self.ordered = false;
     }
 
-    /// Sorts the items by rank, unless that is done: as many of the lowest as will have to give way at most.
-    pub(super) fn order(&mut self, at_most: usize, rank: impl Fn(Item) -> Rank) {
-        if self.ordered {
-            return;
-        }
+    /// Whether it is known who gives way.
+    pub(super) fn ordered(&self) -> bool {
+        self.ordered
+    }
+
+    /// Takes ranks and slots of resident items, those of as many of the lowest among them as will have to give way at
+    /// most.
+    pub(super) fn order(&mut self, at_most: usize, ranks: Vec<(Rank, u32)>) {
         self.placed.clear();
-        self.order.clear();
-        self.order
-            .extend(self.items.iter().zip(0..).map(|(&item, slot)| (rank(item), slot)));
+        self.order = ranks;
         if (1..self.order.len()).contains(&at_most) {
             self.order.select_nth_unstable(at_most - 1);
             self.order.truncate(at_most);
@@ -68,27 +99,6 @@ impl Pool {
     pub(super) fn nth_to_go(&self, n: usize) -> Option<&Rank> {
         debug_assert!(self.ordered && self.placed.is_empty());
         self.order.len().checked_sub(n + 1).map(|at| &self.order[at].0)
-    }
-
-    /// Changes the number of slots: the items with the highest ranks stay, in the first slots, in the order of theirs.
-    pub(super) fn resize(&mut self, capacity: u32, rank: impl Fn(Item) -> Rank) {
-        self.capacity = capacity;
-        self.ordered = false;
-        self.order.clear();
-        self.placed.clear();
-        if self.items.len() > capacity as usize {
-            let mut ranked: Vec<_> = self
-                .items
-                .iter()
-                .zip(0..)
-                .map(|(&item, at)| (rank(item), at))
-                .collect();
-            ranked.sort_unstable_by(|a: &(Rank, usize), b| b.cmp(a));
-            ranked.truncate(capacity as usize);
-            let mut stay: Vec<usize> = ranked.into_iter().map(|(_, at)| at).collect();
-            stay.sort_unstable();
-            self.items = stay.into_iter().map(|at| self.items[at]).collect();
-        }
     }
 
     /// Puts an item into a free slot, if there is one.
@@ -151,6 +161,7 @@ mod tests {
         Rank {
             pinned: false,
             value,
+            ahead: 0.0,
             last_wanted: 0,
             tile: Reverse(0),
             group,
@@ -170,6 +181,8 @@ mod tests {
                 Item::Page(_, page) => rank(page.group, values[usize::from(page.group)]),
                 Item::Column(..) => unreachable!(),
             };
+            let ranks =
+                |pool: &Pool| pool.iter().map(|(item, slot)| (rank_of(item), slot.0)).collect::<Vec<_>>();
             let mut pool = Pool::new(capacity);
             let mut model: Vec<Item> = Vec::new();
             for (number, (_, forget)) in newcomers.iter().enumerate() {
@@ -183,7 +196,9 @@ mod tests {
                     model.push(newcomer);
                     continue;
                 }
-                pool.order(1, rank_of);
+                if !pool.ordered() {
+                    pool.order(1, ranks(&pool));
+                }
                 let least = (0..model.len()).min_by_key(|&at| rank_of(model[at]));
                 let expected = least.filter(|&at| rank_of(newcomer).exceeds(&rank_of(model[at])));
                 let expected = expected.map(|at| (Slot(at as u32), std::mem::replace(&mut model[at], newcomer)));
@@ -191,7 +206,7 @@ mod tests {
                 prop_assert_eq!(pool.iter().map(|(item, _)| item).collect::<Vec<_>>(), model.clone());
             }
             pool.forget_order();
-            pool.order(model.len(), rank_of);
+            pool.order(model.len(), ranks(&pool));
             model.sort_by_key(|item| rank_of(*item));
             for (n, item) in model.iter().enumerate() {
                 prop_assert_eq!(pool.nth_to_go(n), Some(&rank_of(*item)));

@@ -7,7 +7,7 @@ use super::SWAP_MARGIN;
 /// What an item is worth, and everything that breaks ties, so that the order is total and the same
 /// everywhere.
 ///
-/// A parent always ranks above its children: its value is not smaller, it was wanted whenever they were, and
+/// A parent always ranks above its children: its values are not smaller, it was wanted whenever they were, and
 /// its tile's index is smaller. So the lowest rank of a cache is a leaf, and no search for leaves is needed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Rank {
@@ -15,7 +15,9 @@ pub(super) struct Rank {
     pub pinned: bool,
     /// Squared error over all pixels; not negative, finite.
     pub value: f64,
-    /// Update at which the tile last had votes.
+    /// The same by the votes ahead, where `value` is zero; zero elsewhere.
+    pub ahead: f64,
+    /// Update at which the tile has lost its votes; [`u64::MAX`] while it has some.
     pub last_wanted: u64,
     /// Index of the tile; 0 for columns.
     pub tile: Reverse<u32>,
@@ -26,15 +28,28 @@ pub(super) struct Rank {
 }
 
 impl Rank {
+    /// Whether the votes of the present want it.
+    pub(super) fn is_present(&self) -> bool {
+        self.value > 0.0
+    }
+
+    /// Whether any votes want it.
+    pub(super) fn is_wanted(&self) -> bool {
+        self.value > 0.0 || self.ahead > 0.0
+    }
+
     /// Whether it is worth more, strictly.
     pub(super) fn exceeds(&self, other: &Rank) -> bool {
-        (self.pinned, self.value) > (other.pinned, other.value)
+        (self.pinned, self.value, self.ahead) > (other.pinned, other.value, other.ahead)
     }
 
     /// Whether it is worth so much more that asking for it pays.
     pub(super) fn exceeds_by_margin(&self, other: &Rank) -> bool {
         match self.pinned.cmp(&other.pinned) {
-            Ordering::Equal => self.value > other.value * (1.0 + SWAP_MARGIN),
+            Ordering::Equal if self.is_present() || other.is_present() => {
+                self.value > other.value * (1.0 + SWAP_MARGIN)
+            }
+            Ordering::Equal => self.ahead > other.ahead * (1.0 + SWAP_MARGIN),
             order => order.is_gt(),
         }
     }
@@ -47,6 +62,7 @@ impl Ord for Rank {
         self.pinned
             .cmp(&other.pinned)
             .then_with(|| self.value.total_cmp(&other.value))
+            .then_with(|| self.ahead.total_cmp(&other.ahead))
             .then_with(|| self.last_wanted.cmp(&other.last_wanted))
             .then_with(|| self.tile.cmp(&other.tile))
             .then_with(|| self.group.cmp(&other.group))
@@ -124,10 +140,29 @@ mod tests {
     }
 
     #[test]
+    fn votes_ahead_count_only_where_the_present_has_none() {
+        let rank = |value, ahead| Rank {
+            pinned: false,
+            value,
+            ahead,
+            last_wanted: 0,
+            tile: Reverse(0),
+            group: Reverse(0),
+            material: Reverse(0),
+        };
+        assert!(rank(1.0, 0.0) > rank(0.0, 9.0) && rank(1.0, 0.0).exceeds_by_margin(&rank(0.0, 9.0)));
+        assert!(!rank(0.0, 9.0).exceeds(&rank(1.0, 0.0)));
+        assert!(rank(0.0, 1.0).exceeds_by_margin(&rank(0.0, 0.0)));
+        assert!(rank(0.0, 1.001).exceeds(&rank(0.0, 1.0)));
+        assert!(!rank(0.0, 1.001).exceeds_by_margin(&rank(0.0, 1.0)));
+    }
+
+    #[test]
     fn pins_come_before_values() {
         let rank = |pinned, value| Rank {
             pinned,
             value,
+            ahead: 0.0,
             last_wanted: 0,
             tile: Reverse(0),
             group: Reverse(0),

@@ -7,162 +7,275 @@ use rayon::prelude::*;
 
 use super::{
     Item, MaterialId, PATIENCE, Plan, Residency, Vote,
+    claim::{Claim, State, choose},
     material::Material,
-    pool::Pool,
     rank::{Highest, Rank},
     value::Blocks,
 };
 
-/// An item that asks for a place.
-#[derive(Clone, Copy)]
-struct Claim {
-    rank: Rank,
-    item: Item,
-    state: State,
+/// Pages to value from which on more than one thread is worth waking.
+const PARALLEL_PAGES: usize = 1 << 16;
+
+/// What the rank of a page that is not resident must exceed.
+enum Floor {
+    /// There is a free slot.
+    Free,
+    /// The lowest rank of the cache.
+    Lowest(Rank),
+    /// There are no slots at all.
+    Closed,
 }
 
-#[derive(Clone, Copy, PartialEq)]
-enum State {
-    /// Asked for already.
-    InFlight,
-    /// Could be asked for now.
-    New,
-    /// Has failed and must wait for its next attempt.
-    Waiting,
+impl Floor {
+    fn admits(&self, rank: &Rank) -> bool {
+        match self {
+            Floor::Free => true,
+            Floor::Lowest(lowest) => rank.exceeds_by_margin(lowest),
+            Floor::Closed => false,
+        }
+    }
 }
 
 impl Residency {
     /// Takes the votes of the newest feedback, which replace all earlier ones, and says what to ask for.
-    /// Votes for unknown materials or tiles are ignored.
-    pub fn update(&mut self, votes: &[Vote]) -> Plan {
-        if self.settled() && self.failures.is_empty() && self.votes == votes {
+    ///
+    /// `ahead` are votes for what may be seen soon. They never displace or delay what `votes` want: see the module's
+    /// documentation. Votes for unknown materials or tiles are ignored.
+    pub fn update(&mut self, votes: &[Vote], ahead: &[Vote]) -> Plan {
+        let quiet = !self.unsettled && !self.prefetching && self.in_flight.is_empty();
+        if quiet && self.failures.is_empty() && self.votes[0] == votes && self.votes[1] == ahead {
             return Plan::default();
         }
         self.now += 1;
-        self.take_votes(votes);
+        self.take_votes([votes, ahead]);
         self.pages.forget_order();
         self.columns.forget_order();
         let mut plan = Plan::default();
         let columns = self.choose_columns(&mut plan);
         let pages = self.choose_pages(&mut plan);
-        self.unsettled = [&columns, &pages]
-            .into_iter()
-            .flatten()
-            .any(|claim| claim.state != State::InFlight);
-
-        let mut wanted: Vec<Claim> = columns
-            .into_iter()
-            .chain(pages)
-            .filter(|claim| claim.state == State::New)
-            .collect();
+        let mut claims: Vec<Claim> = columns.into_iter().chain(pages).collect();
         // Stable: where a column and its root rank the same, the column, which came first, stays first.
-        wanted.sort_by_key(|claim| Reverse(claim.rank));
-        wanted.truncate(self.room_in_flight());
-        plan.request = wanted.into_iter().map(|claim| claim.item).collect();
-        self.in_flight.extend(&plan.request);
+        claims.sort_by_key(|claim| Reverse(claim.rank));
+        let open = |claim: &&Claim| claim.state != State::InFlight;
+        self.unsettled = claims.iter().filter(open).any(|claim| claim.rank.is_present());
+        self.prefetching = claims.iter().filter(open).any(|claim| !claim.rank.is_present());
+        self.request(claims, &mut plan);
         plan
     }
 
-    fn take_votes(&mut self, votes: &[Vote]) {
-        let mut by_material = vec![Vec::new(); self.materials.len()];
-        self.pixels = 0;
-        self.votes.clear();
-        self.votes.extend_from_slice(votes);
-        for vote in votes {
-            let at = usize::from(vote.material.0);
-            if vote.pixels > 0
-                && self
-                    .materials
-                    .get(at)
-                    .is_some_and(|material| material.has_tile(vote.tile))
-            {
-                by_material[at].push((vote.tile, u64::from(vote.pixels)));
-                self.pixels += u64::from(vote.pixels);
+    /// Asks for the highest claims, as far as the limits go; what is in flight for votes ahead gives way to the present.
+    fn request(&mut self, claims: Vec<Claim>, plan: &mut Plan) {
+        let (in_flight, new): (Vec<Claim>, Vec<Claim>) = claims
+            .into_iter()
+            .filter(|claim| claim.state != State::Waiting)
+            .partition(|claim| claim.state == State::InFlight);
+        let mut ahead = in_flight;
+        ahead.retain(|claim| !claim.rank.is_present());
+        let mut ahead_bytes: u64 = ahead.iter().map(|claim| self.bytes(claim.item)).sum();
+        for claim in new {
+            let bytes = self.bytes(claim.item);
+            if claim.rank.is_present() && self.has_room(bytes, ahead.len(), ahead_bytes) {
+                while !self.has_room(bytes, 0, 0) {
+                    let Some(lowest) = ahead.pop() else { break };
+                    ahead_bytes -= self.bytes(lowest.item);
+                    self.take_off(lowest.item);
+                    plan.cancel.push(lowest.item);
+                    self.prefetching = true;
+                }
             }
-        }
-        let now = self.now;
-        // Materials do not touch each other, so the result is the same with any number of threads.
-        #[cfg(not(target_arch = "wasm32"))]
-        (self.materials.par_iter_mut(), by_material)
-            .into_par_iter()
-            .for_each_init(Blocks::default, |blocks, (material, votes)| {
-                material.set_votes(votes, now, blocks)
-            });
-        #[cfg(target_arch = "wasm32")]
-        {
-            let mut blocks = Blocks::default();
-            let votes = self.materials.iter_mut().zip(by_material);
-            votes.for_each(|(material, votes)| material.set_votes(votes, now, &mut blocks));
+            if !self.has_room(bytes, 0, 0) {
+                break;
+            }
+            self.in_flight.insert(claim.item);
+            self.bytes_in_flight += bytes;
+            plan.request.push(claim.item);
         }
     }
 
-    /// Whether each visible material can have one item of its first group in the pool for sure.
-    pub(super) fn pins(&self, pool: &Pool) -> bool {
-        self.materials
+    /// Whether a record of this size can be asked for once this much in flight is cancelled.
+    fn has_room(&self, bytes: u64, cancelled: usize, cancelled_bytes: u64) -> bool {
+        let items = self.in_flight.len() - cancelled;
+        let in_flight = self.bytes_in_flight - cancelled_bytes;
+        items < self.limits.in_flight
+            && (items == 0 || in_flight.saturating_add(bytes) <= self.limits.bytes_in_flight)
+    }
+
+    fn take_votes(&mut self, votes: [&[Vote]; 2]) {
+        let mut sorted = std::mem::take(&mut self.sorted);
+        sorted.resize_with(self.materials.len(), Default::default);
+        self.pixels = 0;
+        for (class, votes) in votes.into_iter().enumerate() {
+            if self.votes[class] != votes {
+                self.votes[class].clear();
+                self.votes[class].extend_from_slice(votes);
+            }
+            sorted.iter_mut().for_each(|votes| votes[class].clear());
+            for vote in votes {
+                let at = usize::from(vote.material.0);
+                let known = self
+                    .materials
+                    .get(at)
+                    .is_some_and(|material| material.has_tile(vote.tile));
+                if vote.pixels > 0 && known {
+                    sorted[at][class].push((vote.tile, u64::from(vote.pixels)));
+                    self.pixels += if class == 0 { u64::from(vote.pixels) } else { 0 };
+                }
+            }
+            sorted.iter_mut().for_each(|votes| sort(&mut votes[class]));
+        }
+        let (now, pin) = (self.now, self.pin_pages);
+        let changed = self.materials.iter_mut().zip(&mut sorted);
+        let changed: Vec<_> = changed
+            .filter(|(material, votes)| !material.has_votes(votes))
+            .collect();
+        let set = |blocks: &mut Blocks, (material, votes): (&mut Material, &mut [Vec<(u32, u64)>; 2])| {
+            material.set_votes(votes, now, pin, blocks);
+        };
+        let tiles = |votes: &[Vec<(u32, u64)>; 2]| votes[0].len() + votes[1].len();
+        let pages: usize = changed
+            .iter()
+            .map(|(material, votes)| material.groups().len() * tiles(votes))
+            .sum();
+        // Materials do not touch each other, so the result is the same with any number of threads.
+        #[cfg(not(target_arch = "wasm32"))]
+        if pages >= PARALLEL_PAGES {
+            changed.into_par_iter().for_each_init(Blocks::default, set);
+        } else {
+            changed.into_iter().for_each(|one| set(&mut self.blocks, one));
+        }
+        #[cfg(target_arch = "wasm32")]
+        changed.into_iter().for_each(|one| set(&mut self.blocks, one));
+        self.sorted = sorted;
+        self.find_pins();
+    }
+
+    /// Whether each visible material can have the column and the root of its first group for sure.
+    pub(super) fn find_pins(&mut self) {
+        let visible = self
+            .materials
             .iter()
             .filter(|material| material.visible())
-            .count()
-            <= pool.capacity() as usize
+            .count();
+        self.pin_columns = visible <= self.columns.capacity() as usize;
+        let pin = visible <= self.pages.capacity() as usize;
+        if std::mem::replace(&mut self.pin_pages, pin) != pin {
+            self.materials
+                .iter_mut()
+                .for_each(|material| material.pins_changed(pin));
+        }
+    }
+
+    fn floor(&self) -> Floor {
+        if self.pages.free() > 0 {
+            return Floor::Free;
+        }
+        let groups = self.materials.iter().flat_map(Material::groups);
+        groups
+            .filter_map(|group| group.lowest)
+            .min()
+            .map_or(Floor::Closed, Floor::Lowest)
     }
 
     fn choose_columns(&mut self, plan: &mut Plan) -> Vec<Claim> {
-        let pin = self.pins(&self.columns);
-        let columns: Vec<Item> = self
+        let pin = self.pin_columns;
+        let columns = self
             .in_flight
             .iter()
             .copied()
-            .filter(|item| matches!(item, Item::Column(..)))
-            .collect();
-        let mut claims = self.claims_in_flight(columns, pin, plan);
+            .filter(|item| matches!(item, Item::Column(..)));
+        let mut claims = self.claims_in_flight(columns, plan);
+        let floor = self.floor();
         let mut highest = Highest::new(self.most_claims());
-        for material in &self.materials {
-            material.for_each_addable_column(pin, |rank| highest.push(rank));
+        let mut worth_asking = Vec::new();
+        let lowest =
+            (self.columns.free() == 0).then(|| self.columns.iter().map(|(item, _)| self.rank(item)).min());
+        for material in &mut self.materials {
+            material.for_each_addable_column(pin, |rank| match lowest {
+                Some(Some(lowest)) if !rank.exceeds_by_margin(&lowest) => {}
+                Some(None) => {}
+                _ => worth_asking.push(rank),
+            });
+            for rank in worth_asking.drain(..) {
+                // A column without a place for any page of its group is of no use.
+                let may_matter = match &floor {
+                    Floor::Free => true,
+                    Floor::Lowest(lowest) => {
+                        (self.pin_pages && rank.group.0 == 0)
+                            || material.root_bound(rank.group.0) >= lowest.value
+                    }
+                    Floor::Closed => false,
+                };
+                let mut root = || material.root_rank(rank.group.0, self.pin_pages, &mut self.blocks);
+                let useful = may_matter && (matches!(floor, Floor::Free) || floor.admits(&root()));
+                if useful {
+                    highest.push(rank);
+                }
+            }
         }
         for rank in highest.into_vec() {
             let item = Item::Column(MaterialId(rank.material.0), rank.group.0);
             claims.extend(self.new_claim(rank, item));
         }
         if claims.len() > self.columns.free() as usize {
-            let materials = &self.materials;
-            self.columns
-                .order(claims.len(), |item| materials[item.material()].rank(item, pin));
+            self.order_columns(claims.len());
         }
         let mut chosen = choose(&self.columns, claims, plan);
         self.forget_cancelled(plan);
-
-        self.materials.iter_mut().for_each(Material::close_groups);
-        for claim in &mut chosen {
-            let Item::Column(_, group) = claim.item else {
-                continue;
-            };
-            let material = &mut self.materials[claim.item.material()];
-            material.groups[usize::from(group)].open = true;
-            claim.rank = material.column_urgency(group.into(), claim.rank);
-        }
+        self.open_groups(&mut chosen);
         chosen
     }
 
+    /// Opens the groups of these columns besides those whose columns are resident, and no others; gives the columns
+    /// their ranks in the order of requests.
+    fn open_groups(&mut self, columns: &mut [Claim]) {
+        let pin = self.pin_pages;
+        let before = std::mem::take(&mut self.opened);
+        self.opened.extend(columns.iter().map(|claim| claim.item));
+        for &item in &before {
+            if self.slot(item).is_none() && !self.opened.contains(&item) {
+                self.set_open(item, false);
+            }
+        }
+        for claim in columns {
+            self.set_open(claim.item, true);
+            if let Item::Column(_, group) = claim.item {
+                let material = &mut self.materials[claim.item.material()];
+                let root = material.root_rank(group, pin, &mut self.blocks);
+                (claim.rank.value, claim.rank.ahead) = (root.value, root.ahead);
+            }
+        }
+    }
+
+    /// Opens or closes the group of a column.
+    pub(super) fn set_open(&mut self, column: Item, open: bool) {
+        if let Item::Column(_, group) = column {
+            self.materials[column.material()].set_open(group, open, self.pin_pages, &mut self.blocks);
+        }
+    }
+
     fn choose_pages(&mut self, plan: &mut Plan) -> Vec<Claim> {
-        let pin = self.pins(&self.pages);
-        let pages: Vec<Item> = self
+        let pages = self
             .in_flight
             .iter()
             .copied()
-            .filter(|item| matches!(item, Item::Page(..)))
-            .collect();
-        let mut claims = self.claims_in_flight(pages, pin, plan);
-        let lowest = (self.pages.free() == 0).then(|| {
-            self.pages
-                .iter()
-                .map(|(item, _)| self.materials[item.material()].rank(item, pin))
-                .min()
-        });
-        let mut highest = Highest::new(self.most_claims());
-        for material in &self.materials {
-            material.for_each_addable_page(pin, |rank| match lowest {
-                Some(Some(lowest)) if !rank.exceeds_by_margin(&lowest) => {}
-                Some(None) => {}
-                _ => highest.push(rank),
+            .filter(|item| matches!(item, Item::Page(..)));
+        let mut claims = self.claims_in_flight(pages, plan);
+        let most = self.most_claims();
+        // The n highest of all are pages of the n groups with the highest of their own.
+        let floor = self.floor();
+        let mut groups = Highest::new(most);
+        for group in self.materials.iter().flat_map(Material::groups) {
+            if let Some(rank) = group.highest.filter(|rank| floor.admits(rank)) {
+                groups.push(rank);
+            }
+        }
+        let mut highest = Highest::new(most);
+        for Rank { material, group, .. } in groups.into_vec() {
+            let material = &self.materials[usize::from(material.0)];
+            material.for_each_addable(group.0.into(), self.pin_pages, |rank| {
+                if floor.admits(&rank) {
+                    highest.push(rank);
+                }
             });
         }
         for rank in highest.into_vec() {
@@ -170,36 +283,74 @@ impl Residency {
             claims.extend(item.and_then(|item| self.new_claim(rank, item)));
         }
         if claims.len() > self.pages.free() as usize {
-            let materials = &self.materials;
-            self.pages
-                .order(claims.len(), |item| materials[item.material()].rank(item, pin));
+            self.order_pages(claims.len());
         }
         let chosen = choose(&self.pages, claims, plan);
         self.forget_cancelled(plan);
         chosen
     }
 
+    /// Finds the pages that give way first, unless they are known: the n lowest of all are pages of the n groups with
+    /// the lowest of their own.
+    pub(super) fn order_pages(&mut self, at_most: usize) {
+        if self.pages.ordered() {
+            return;
+        }
+        let groups = self.materials.iter().flat_map(Material::groups);
+        let mut lowest: Vec<Rank> = groups.filter_map(|group| group.lowest).collect();
+        if (1..lowest.len()).contains(&at_most) {
+            lowest.select_nth_unstable(at_most - 1);
+            lowest.truncate(at_most);
+        }
+        let mut ranks = Vec::new();
+        for Rank { material, group, .. } in lowest {
+            let material = &self.materials[usize::from(material.0)];
+            material.for_each_resident(group.0.into(), self.pin_pages, |rank, slot| {
+                ranks.push((rank, slot.0))
+            });
+        }
+        self.pages.order(at_most, ranks);
+    }
+
+    /// The same of columns.
+    pub(super) fn order_columns(&mut self, at_most: usize) {
+        if !self.columns.ordered() {
+            let ranks = self
+                .columns
+                .iter()
+                .map(|(item, slot)| (self.rank(item), slot.0))
+                .collect();
+            self.columns.order(at_most, ranks);
+        }
+    }
+
     /// Claims of what is in flight and still of use; the rest is cancelled.
-    fn claims_in_flight(&self, items: Vec<Item>, pin: bool, plan: &mut Plan) -> Vec<Claim> {
+    fn claims_in_flight(&self, items: impl Iterator<Item = Item>, plan: &mut Plan) -> Vec<Claim> {
         let mut claims = Vec::new();
         for item in items {
             let material = &self.materials[item.material()];
-            let rank = material.rank(item, pin);
+            let rank = self.rank(item);
             let reachable = match item {
                 Item::Page(_, page) => material.reachable(page),
                 Item::Column(..) => true,
             };
-            if reachable && rank.value > 0.0 {
-                claims.push(Claim {
-                    rank,
-                    item,
-                    state: State::InFlight,
-                });
+            if reachable && rank.is_wanted() {
+                let state = State::InFlight;
+                claims.push(Claim { rank, item, state });
             } else {
                 plan.cancel.push(item);
             }
         }
         claims
+    }
+
+    /// What an item is worth now.
+    pub(super) fn rank(&self, item: Item) -> Rank {
+        let pin = match item {
+            Item::Page(..) => self.pin_pages,
+            Item::Column(..) => self.pin_columns,
+        };
+        self.materials[item.material()].rank(item, pin)
     }
 
     fn new_claim(&self, rank: Rank, item: Item) -> Option<Claim> {
@@ -212,49 +363,52 @@ impl Residency {
         Some(Claim { rank, item, state })
     }
 
-    fn room_in_flight(&self) -> usize {
-        self.limits.in_flight.saturating_sub(self.in_flight.len())
-    }
-
     /// Enough of the highest ranks to find every item that can be asked for now among them, though those in
-    /// flight and those waiting rank above it.
+    /// flight and those waiting rank above it. What is in flight for votes ahead ranks below all of the present, and
+    /// takes room in flight itself.
     fn most_claims(&self) -> usize {
+        let present = self
+            .in_flight
+            .iter()
+            .filter(|item| self.rank(**item).is_present())
+            .count();
         self.limits
             .in_flight
-            .saturating_add(self.in_flight.len())
+            .saturating_add(present)
             .saturating_add(self.failures.len())
     }
 
     fn forget_cancelled(&mut self, plan: &Plan) {
-        for item in &plan.cancel {
-            self.in_flight.remove(item);
+        plan.cancel.iter().for_each(|item| {
+            self.take_off(*item);
+        });
+    }
+
+    /// An item is no longer in flight. Returns whether it was.
+    pub(super) fn take_off(&mut self, item: Item) -> bool {
+        let was = self.in_flight.remove(&item);
+        if was {
+            self.bytes_in_flight -= self.bytes(item);
         }
+        was
+    }
+
+    fn bytes(&self, item: Item) -> u64 {
+        self.materials[item.material()].bytes(item)
     }
 }
 
-/// The claims that are worth their places: the highest takes the first free slot or the place of the lowest
-/// resident, the second the next, and so on. Those in flight that are not are cancelled.
-///
-/// An accepted claim is worth more than what gives way for it and for all claims above it, so whatever the
-/// order of arrival, each finds something of less worth.
-fn choose(pool: &Pool, mut claims: Vec<Claim>, plan: &mut Plan) -> Vec<Claim> {
-    claims.sort_unstable_by_key(|claim| Reverse(claim.rank));
-    let free = pool.free() as usize;
-    let mut chosen = Vec::new();
-    for claim in claims {
-        let place = chosen.len();
-        let worth_it = place < free
-            || pool
-                .nth_to_go(place - free)
-                .is_some_and(|lowest| match claim.state {
-                    State::InFlight => claim.rank.exceeds(lowest),
-                    State::New | State::Waiting => claim.rank.exceeds_by_margin(lowest),
-                });
-        match claim.state {
-            _ if worth_it => chosen.push(claim),
-            State::InFlight => plan.cancel.push(claim.item),
-            State::New | State::Waiting => {}
-        }
+/// Brings votes into the order of tiles and adds up those for the same one.
+fn sort(votes: &mut Vec<(u32, u64)>) {
+    if votes.is_sorted_by(|a, b| a.0 < b.0) {
+        return;
     }
-    chosen
+    votes.sort_unstable();
+    votes.dedup_by(|later, earlier| {
+        let same = later.0 == earlier.0;
+        if same {
+            earlier.1 += later.1;
+        }
+        same
+    });
 }

@@ -28,15 +28,14 @@ pub(super) struct Blocks {
 }
 
 impl Blocks {
-    /// Values from each page's own w·v; parents come before their children, the root is page 0.
-    pub(super) fn values(&mut self, own: &[f64], parents: &[u32], values: &mut [f64]) {
+    /// From each page's own w·v to its value; parents come before their children, the root is page 0.
+    pub(super) fn share(&mut self, values: &mut [f64], parents: &[u32]) {
         let parent = |page: usize| parents[page] as usize;
-        values.copy_from_slice(own);
-        if (1..own.len()).all(|page| own[page] <= own[parent(page)]) {
+        if (1..values.len()).all(|page| values[page] <= values[parent(page)]) {
             return;
         }
-        self.reset(own);
-        for page in (0..own.len()).rev() {
+        self.reset(values);
+        for page in (0..values.len()).rev() {
             while self.below[page] != NONE && self.mean[self.below[page] as usize] > self.mean[page] {
                 self.take(page);
             }
@@ -45,7 +44,7 @@ impl Blocks {
             }
         }
         values[0] = self.mean[0];
-        for page in 1..own.len() {
+        for page in 1..values.len() {
             let above = values[parent(page)];
             // The minimum only guards against rounding of the means.
             values[page] = if self.taken[page] {
@@ -123,8 +122,8 @@ mod tests {
     use super::*;
 
     fn values(own: &[f64], parents: &[u32]) -> Vec<f64> {
-        let mut values = vec![0.0; own.len()];
-        Blocks::default().values(own, parents, &mut values);
+        let mut values = own.to_vec();
+        Blocks::default().share(&mut values, parents);
         values
     }
 

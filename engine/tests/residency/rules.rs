@@ -18,6 +18,8 @@ fn material(weights: &[[f32; 6]]) -> MaterialInfo {
         pyramid: pyramid(),
         groups: weights.len() as u16,
         weights: weights.concat(),
+        page_bytes: Vec::new(),
+        column_bytes: Vec::new(),
     }
 }
 
@@ -26,6 +28,7 @@ fn residency(page_slots: u32, column_slots: u32, materials: &[&[[f32; 6]]]) -> R
         page_slots,
         column_slots,
         in_flight: 100,
+        bytes_in_flight: u64::MAX,
     });
     for weights in materials {
         residency.add_material(material(weights));
@@ -57,7 +60,7 @@ fn vote(material: u16, tile: u32, pixels: u32) -> Vote {
 
 fn settle(residency: &mut Residency, votes: &[Vote]) {
     for _ in 0..100 {
-        let plan = residency.update(votes);
+        let plan = residency.update(votes, &[]);
         for item in &plan.request {
             residency.arrived(*item);
         }
@@ -76,9 +79,9 @@ fn is_resident(residency: &Residency, item: Item) -> bool {
 fn column_and_root_come_first_and_pages_under_them() {
     let mut residency = residency(10, 10, &[&[[8.0, 4.0, 2.0, 1.0, 0.0, 0.0]]]);
     let votes = [vote(0, 2, 10), vote(0, 3, 10)];
-    let plan = residency.update(&votes);
+    let plan = residency.update(&votes, &[]);
     assert_eq!(plan.request, [column(0, 0), page(0, 0, 0)]);
-    assert_eq!(residency.update(&votes), Plan::default(), "asked once");
+    assert_eq!(residency.update(&votes, &[]), Plan::default(), "asked once");
     assert_eq!(
         residency.arrived(page(0, 0, 0)),
         Placement::Place {
@@ -87,14 +90,17 @@ fn column_and_root_come_first_and_pages_under_them() {
         }
     );
     assert_eq!(
-        residency.update(&votes).request,
+        residency.update(&votes, &[]).request,
         [],
         "the column is not there yet"
     );
     residency.arrived(column(0, 0));
-    assert_eq!(residency.update(&votes).request, [page(0, 0, 1)]);
+    assert_eq!(residency.update(&votes, &[]).request, [page(0, 0, 1)]);
     residency.arrived(page(0, 0, 1));
-    assert_eq!(residency.update(&votes).request, [page(0, 0, 2), page(0, 0, 3)]);
+    assert_eq!(
+        residency.update(&votes, &[]).request,
+        [page(0, 0, 2), page(0, 0, 3)]
+    );
     assert!(
         (residency.summary().predicted_mse - 1.5).abs() < 1e-12,
         "half the pixels miss 2, half miss 1"
@@ -104,7 +110,7 @@ fn column_and_root_come_first_and_pages_under_them() {
     assert!(!residency.summary().settled);
     residency.arrived(page(0, 0, 3));
     assert_eq!(residency.summary().predicted_mse, 0.0);
-    assert_eq!(residency.update(&votes), Plan::default());
+    assert_eq!(residency.update(&votes, &[]), Plan::default());
     assert!(residency.summary().settled);
 }
 
@@ -112,7 +118,7 @@ fn column_and_root_come_first_and_pages_under_them() {
 fn requests_follow_w_times_v() {
     let one = [[1.0, 0.0, 0.0, 0.0, 0.0, 0.0], [5.0, 0.0, 0.0, 0.0, 0.0, 0.0]];
     let mut residency = residency(10, 10, &[&one, &one]);
-    let plan = residency.update(&[vote(0, 0, 1), vote(1, 0, 3)]);
+    let plan = residency.update(&[vote(0, 0, 1), vote(1, 0, 3)], &[]);
     // Pins first, then w·v: 15 of material 1, 5 of material 0; columns as their roots.
     let pinned = [column(1, 0), page(1, 0, 0), column(0, 0), page(0, 0, 0)];
     let others = [column(1, 1), page(1, 1, 0), column(0, 1), page(0, 1, 0)];
@@ -152,7 +158,7 @@ fn what_is_seen_no_more_stays_until_its_place_is_needed_oldest_first() {
     assert_eq!(residency.summary().pages_resident, 4);
     // Material 2 needs two places: those of material 0, the finer page first.
     let votes = [vote(2, 1, 1)];
-    for item in residency.update(&votes).request {
+    for item in residency.update(&votes, &[]).request {
         if item == page(2, 0, 0) {
             let evicted = Some(page(0, 0, 1));
             assert!(
@@ -166,15 +172,15 @@ fn what_is_seen_no_more_stays_until_its_place_is_needed_oldest_first() {
     assert!(!is_resident(&residency, page(0, 0, 0)));
     assert!(is_resident(&residency, page(1, 0, 0)) && is_resident(&residency, page(1, 0, 1)));
     // And back: nothing has to be fetched.
-    assert_eq!(residency.update(&[vote(1, 1, 1)]), Plan::default());
+    assert_eq!(residency.update(&[vote(1, 1, 1)], &[]), Plan::default());
 }
 
 #[test]
 fn what_the_camera_has_left_behind_is_cancelled() {
     let one = [[1.0, 1.0, 0.0, 0.0, 0.0, 0.0]];
     let mut residency = residency(10, 10, &[&one, &one]);
-    let first = residency.update(&[vote(0, 1, 1)]);
-    let plan = residency.update(&[vote(1, 1, 1)]);
+    let first = residency.update(&[vote(0, 1, 1)], &[]);
+    let plan = residency.update(&[vote(1, 1, 1)], &[]);
     let mut cancelled = plan.cancel.clone();
     cancelled.sort();
     let mut expected = first.request.clone();
@@ -198,24 +204,24 @@ fn votes_that_waver_do_not_toggle_requests() {
     assert!(is_resident(&residency, page(0, 0, 2)));
     for _ in 0..10 {
         assert_eq!(
-            residency.update(&votes(1000, 1010)),
+            residency.update(&votes(1000, 1010), &[]),
             Plan::default(),
             "within the margin"
         );
-        assert_eq!(residency.update(&votes(1010, 1000)), Plan::default());
+        assert_eq!(residency.update(&votes(1010, 1000), &[]), Plan::default());
     }
-    assert_eq!(residency.update(&votes(1000, 1100)).request, [page(0, 0, 3)]);
+    assert_eq!(residency.update(&votes(1000, 1100), &[]).request, [page(0, 0, 3)]);
     for _ in 0..10 {
         assert_eq!(
-            residency.update(&votes(1000, 1005)),
+            residency.update(&votes(1000, 1005), &[]),
             Plan::default(),
             "in flight and still worth more"
         );
-        assert_eq!(residency.update(&votes(1000, 1020)), Plan::default());
+        assert_eq!(residency.update(&votes(1000, 1020), &[]), Plan::default());
     }
-    assert_eq!(residency.update(&votes(1000, 1000)).cancel, [page(0, 0, 3)]);
+    assert_eq!(residency.update(&votes(1000, 1000), &[]).cancel, [page(0, 0, 3)]);
     assert_eq!(
-        residency.update(&votes(1000, 1005)),
+        residency.update(&votes(1000, 1005), &[]),
         Plan::default(),
         "cancelled, and within the margin again"
     );
@@ -228,7 +234,7 @@ fn a_page_gives_way_to_one_that_is_worth_more_and_only_then() {
     settle(&mut residency, &[vote(0, 2, 10), vote(0, 3, 5)]);
     assert!(is_resident(&residency, page(0, 0, 2)));
     let votes = [vote(0, 2, 10), vote(0, 3, 20)];
-    assert_eq!(residency.update(&votes).request, [page(0, 0, 3)]);
+    assert_eq!(residency.update(&votes, &[]).request, [page(0, 0, 3)]);
     let evicted = Some(page(0, 0, 2));
     assert_eq!(
         residency.arrived(page(0, 0, 3)),
@@ -247,7 +253,7 @@ fn a_page_that_its_column_has_left_is_dropped() {
     let mut residency = residency(10, 1, &[&weak, &strong]);
     settle(&mut residency, &[vote(0, 0, 1)]);
     let votes = [vote(0, 1, 1), vote(1, 0, 1)];
-    let plan = residency.update(&votes);
+    let plan = residency.update(&votes, &[]);
     assert!(
         plan.request.contains(&page(0, 0, 1)) && plan.request.contains(&column(1, 0)),
         "{plan:?}"
@@ -283,12 +289,12 @@ fn roots_are_pinned_while_there_is_one_place_for_each_visible_material() {
 fn failures_are_tried_again_after_twice_as_long_each_time() {
     let mut residency = residency(10, 10, &[&[[1.0, 0.0, 0.0, 0.0, 0.0, 0.0]]]);
     let votes = [vote(0, 0, 1)];
-    residency.update(&votes);
+    residency.update(&votes, &[]);
     residency.arrived(column(0, 0));
     residency.failed(page(0, 0, 0));
     for attempt in 1..15 {
         let mut waited = 1;
-        while residency.update(&votes).request.is_empty() {
+        while residency.update(&votes, &[]).request.is_empty() {
             let settled = residency.summary().settled;
             assert_eq!(
                 settled,
@@ -302,7 +308,7 @@ fn failures_are_tried_again_after_twice_as_long_each_time() {
         residency.failed(page(0, 0, 0));
     }
     let mut waited = 0;
-    while residency.update(&votes).request.is_empty() {
+    while residency.update(&votes, &[]).request.is_empty() {
         waited += 1;
         assert!(waited <= LONGEST_BACK_OFF);
     }
@@ -310,7 +316,7 @@ fn failures_are_tried_again_after_twice_as_long_each_time() {
         residency.arrived(page(0, 0, 0)),
         Placement::Place { .. }
     ));
-    residency.update(&votes);
+    residency.update(&votes, &[]);
     assert!(residency.summary().settled);
 }
 
@@ -320,12 +326,15 @@ fn weights_that_are_no_weights_count_as_zero() {
         page_slots: 10,
         column_slots: 10,
         in_flight: 10,
+        bytes_in_flight: u64::MAX,
     });
     let weights = vec![1.0, f32::NAN, f32::INFINITY, -1.0];
     residency.add_material(MaterialInfo {
         pyramid: pyramid(),
         groups: 2,
         weights,
+        page_bytes: Vec::new(),
+        column_bytes: Vec::new(),
     });
     settle(&mut residency, &[vote(0, 2, 1), vote(0, 3, 1)]);
     assert_eq!(residency.summary().pages_resident, 1);

@@ -1,17 +1,22 @@
-//! Properties of residency over random traces: scenes, votes, and answers that come late, twice, never, or
-//! that nobody asked for.
+//! Properties of residency over random traces: scenes, votes of the present and ahead, limits that change, and answers
+//! that come late, twice, never, or that nobody asked for. Everything runs beside a plain model that works out all anew.
 
-mod residency_model;
-
-use engine::residency::{Item, Limits, MaterialId, Placement, Plan, Residency, Vote};
+use engine::residency::{Item, Limits, MaterialId, Placement, Plan, Residency, Slot, Vote};
 use proptest::prelude::*;
-use residency_model::{Scene, scene, votes};
 use tileset::{PageId, Tile};
+
+use crate::{
+    plain::Plain,
+    scene::{Scene, scene, votes},
+};
 
 /// One step of a trace.
 #[derive(Clone, Debug)]
 enum Step {
     Votes(Vec<Vote>),
+    /// Votes ahead, which stay until there are others.
+    Ahead(Vec<Vote>),
+    Limits(Limits),
     /// The n-th of what is in flight arrives.
     Arrive(usize),
     /// The n-th of what is in flight fails.
@@ -40,6 +45,8 @@ fn stray() -> impl Strategy<Value = Item> {
 fn step() -> impl Strategy<Value = Step> {
     prop_oneof![
         2 => votes().prop_map(Step::Votes),
+        1 => votes().prop_map(Step::Ahead),
+        1 => limits().prop_map(Step::Limits),
         6 => any::<usize>().prop_map(Step::Arrive),
         1 => any::<usize>().prop_map(Step::Fail),
         1 => stray().prop_map(Step::Stray),
@@ -48,18 +55,24 @@ fn step() -> impl Strategy<Value = Step> {
 }
 
 fn limits() -> impl Strategy<Value = Limits> {
-    (0u32..40, 0u32..10, 0usize..9).prop_map(|(page_slots, column_slots, in_flight)| Limits {
-        page_slots,
-        column_slots,
-        in_flight,
-    })
+    let bytes = prop_oneof![Just(u64::MAX), 0u64..600];
+    (0u32..40, 0u32..10, 0usize..9, bytes).prop_map(
+        |(page_slots, column_slots, in_flight, bytes_in_flight)| Limits {
+            page_slots,
+            column_slots,
+            in_flight,
+            bytes_in_flight,
+        },
+    )
 }
 
 /// The engine's side of the contract: what is in flight, and what is in which slot.
 struct Driver {
     residency: Residency,
+    plain: Plain,
     scene: Scene,
     limits: Limits,
+    ahead: Vec<Vote>,
     in_flight: Vec<Item>,
     log: Vec<String>,
 }
@@ -72,8 +85,10 @@ impl Driver {
         }
         Self {
             residency,
+            plain: Plain::new(limits, &scene.materials),
             scene: scene.clone(),
             limits,
+            ahead: Vec::new(),
             in_flight: Vec::new(),
             log: Vec::new(),
         }
@@ -81,7 +96,20 @@ impl Driver {
 
     fn update(&mut self, votes: &[Vote]) -> Plan {
         self.scene.votes = votes.to_vec();
-        let plan = self.residency.update(votes);
+        let ahead = self.ahead.clone();
+        let plan = self.residency.update(votes, &ahead);
+        let plain = self.plain.update(votes, &ahead);
+        assert_eq!(plan.request, plain.request);
+        let sorted = |plan: &Plan| {
+            let mut cancel = plan.cancel.clone();
+            cancel.sort();
+            cancel
+        };
+        assert_eq!(sorted(&plan), sorted(&plain));
+        let later = Scene {
+            votes: ahead,
+            ..self.scene.clone()
+        };
         for item in &plan.cancel {
             let at = self
                 .in_flight
@@ -94,7 +122,7 @@ impl Driver {
             assert!(!self.in_flight.contains(item), "asks once");
             assert_eq!(self.residency.slot(*item), None, "asks for what is not there");
             assert!(
-                self.scene.is_useful(*item),
+                self.scene.is_useful(*item) || later.is_useful(*item),
                 "{item:?} is asked for, but neither it nor what lies under it has worth"
             );
             self.check_reachable(*item);
@@ -128,6 +156,7 @@ impl Driver {
             self.in_flight.remove(at);
         }
         let placement = self.residency.arrived(item);
+        assert_eq!(placement, self.plain.arrived(item));
         self.log.push(format!("{item:?} {placement:?}"));
         match placement {
             Placement::Place { slot, evicted } => {
@@ -151,6 +180,35 @@ impl Driver {
     fn fail(&mut self, item: Item) {
         self.in_flight.retain(|other| *other != item);
         self.residency.failed(item);
+        self.plain.failed(item);
+        self.check();
+    }
+
+    /// New limits: what they say is followed, slot by slot.
+    fn set_limits(&mut self, limits: Limits) {
+        let mut slots = self.residency.resident();
+        let resized = self.residency.set_limits(limits);
+        assert_eq!(resized, self.plain.set_limits(limits));
+        for (item, slot) in &resized.evicted {
+            let at = slots
+                .iter()
+                .position(|there| there == &(*item, *slot))
+                .expect("evicts what is there");
+            slots.swap_remove(at);
+        }
+        for step in &resized.moved {
+            let taken = slots
+                .iter()
+                .any(|(item, slot)| same_cache(*item, step.item) && *slot == step.to);
+            assert!(!taken, "{step:?} into a slot that is taken");
+            let there = slots.iter_mut().find(|there| **there == (step.item, step.from));
+            there.expect("moves what is there").1 = step.to;
+        }
+        let key = |there: &(Item, Slot)| (matches!(there.0, Item::Column(..)), there.1);
+        slots.sort_by_key(key);
+        assert_eq!(slots, self.residency.resident());
+        self.in_flight.retain(|item| !resized.cancel.contains(item));
+        self.limits = limits;
         self.check();
     }
 
@@ -160,6 +218,8 @@ impl Driver {
             Step::Votes(votes) => {
                 self.update(votes);
             }
+            Step::Ahead(votes) => self.ahead = votes.clone(),
+            Step::Limits(limits) => self.set_limits(*limits),
             Step::Arrive(n) => {
                 nth(*n, &self.in_flight).map(|item| self.arrive(item));
             }
@@ -190,7 +250,10 @@ impl Driver {
             pages.len() <= self.limits.page_slots as usize
                 && columns.len() <= self.limits.column_slots as usize
         );
+        assert_eq!(resident, self.plain.resident());
         assert!(self.in_flight.len() <= self.limits.in_flight);
+        let bytes: u64 = self.in_flight.iter().map(|item| self.scene.bytes(*item)).sum();
+        assert!(bytes <= self.limits.bytes_in_flight || self.in_flight.len() == 1);
         for (items, slots) in [
             (&pages, self.limits.page_slots),
             (&columns, self.limits.column_slots),
@@ -264,7 +327,7 @@ fn same_cache(a: Item, b: Item) -> bool {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(300))]
+    #![proptest_config(ProptestConfig::with_cases(150))]
 
     /// Budgets, closure, and the predicted error against a naive model hold after every step; the checks
     /// are in the driver.
@@ -298,6 +361,7 @@ proptest! {
         limits.in_flight = limits.in_flight.max(1);
         let mut driver = Driver::new(&scene, limits);
         steps.iter().for_each(|step| driver.run(step));
+        driver.set_limits(limits);
         driver.update(&last);
         // Attempts at what failed come to an end too: back-offs are shorter than this.
         driver.settle(turn);
@@ -355,7 +419,7 @@ proptest! {
     #[test]
     fn settled_is_nearly_optimal(scene in scene(), slots in 1u32..30, turn: usize, votes in votes()) {
         for (scene, whole_blocks) in [(scene.clone(), false), (scene.falling(), true)] {
-            let limits = Limits { page_slots: slots, column_slots: 100, in_flight: 4 };
+            let limits = Limits { page_slots: slots, column_slots: 100, in_flight: 4, bytes_in_flight: u64::MAX };
             let mut driver = Driver::new(&scene, limits);
             driver.update(&votes);
             driver.settle(turn);

@@ -1,0 +1,105 @@
+//! `eigentile bench policy`: ways to choose what is resident, replayed.
+
+use std::fs::File;
+use std::io::{BufReader, BufWriter, Write};
+use std::path::PathBuf;
+
+use ::benches::policy::{Plan, Synthetic, Trace, generate, plot, run as replay, table};
+use anyhow::{Context, Result};
+use clap::Args;
+
+use crate::{file, progress};
+
+/// Measure the choice of what is resident: predicted error over cache size, of ours and of others.
+#[derive(Args)]
+#[command(after_help = EXAMPLES)]
+pub(crate) struct Arguments {
+    /// A trace of votes; without it one is made: a camera over 100 materials.
+    trace: Option<PathBuf>,
+    /// Slots of the page cache, each.
+    #[arg(
+        long,
+        value_name = "N,N,…",
+        value_delimiter = ',',
+        default_value = "25,50,100,200,400,800,1600,3200,6400,12800"
+    )]
+    pages: Vec<usize>,
+    /// Pages that can be loaded in a frame.
+    #[arg(long, value_name = "N", default_value_t = 64)]
+    loads: usize,
+    /// Frames of the trace at which the camera stops until all is settled.
+    #[arg(long, value_name = "N", default_value_t = 4)]
+    stops: usize,
+    /// Frames of the trace that is made.
+    #[arg(long, value_name = "N", default_value_t = 180, conflicts_with = "trace")]
+    frames: u32,
+    /// Keeps the trace that is made.
+    #[arg(long, value_name = "FILE", conflicts_with = "trace")]
+    record: Option<PathBuf>,
+    /// Draws error over cache size.
+    #[arg(long, value_name = "FILE.svg")]
+    plot: Option<PathBuf>,
+    /// Prints what was measured as JSON, and no progress.
+    #[arg(long)]
+    json: bool,
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  eigentile bench policy --plot policy.svg
+  eigentile bench policy --record flight.jsonl --pages 400
+  eigentile bench policy flight.jsonl --pages 100,1000 --json
+
+Columns: error predicted for what is resident (root mean square of reflectance) when the camera stands still and all is
+settled, of the best choice that there is, of ours, of the formulas of Schwartz, Ruiters and Klein 2013 as they stand, and
+of the least recently used; the same over all frames of the moving camera; and pages loaded on the way. Columns of
+eigen-ABRDFs are given to all. A trace is a line of JSON with the materials, and one for each frame: [[material, tile, pixels], …].";
+
+/// Most slots that a cache is measured with: the exact optimum takes time and memory by it.
+const MOST_PAGES: usize = 1 << 17;
+
+pub(crate) fn run(arguments: &Arguments) -> Result<()> {
+    if let Some(pages) = arguments.pages.iter().find(|pages| **pages > MOST_PAGES) {
+        anyhow::bail!("--pages {pages}: at most {MOST_PAGES}");
+    }
+    anyhow::ensure!(
+        arguments.loads > 0,
+        "--loads 0: nothing would ever be there, at least 1 is needed"
+    );
+    let spinner = progress::spinner("policy", arguments.json);
+    let trace = trace(arguments)?;
+    let plan = Plan {
+        budgets: arguments.pages.clone(),
+        stops: arguments.stops,
+        loads_per_frame: arguments.loads,
+    };
+    let results = replay(&trace, &plan, &|what| spinner.set_message(what.to_owned()));
+    spinner.finish_and_clear();
+    let results = results?;
+    if let Some(path) = &arguments.plot {
+        file::write(path, plot(&results).as_bytes())?;
+    }
+    if arguments.json {
+        return file::print_json(&results);
+    }
+    Ok(write!(std::io::stdout().lock(), "{}", table(&results))?)
+}
+
+fn trace(arguments: &Arguments) -> Result<Trace> {
+    if let Some(path) = &arguments.trace {
+        let opened = File::open(path).with_context(|| format!("cannot open {}", path.display()))?;
+        return Trace::read(BufReader::new(opened)).with_context(|| path.display().to_string());
+    }
+    let trace = generate(&Synthetic {
+        frames: arguments.frames,
+        ..Synthetic::default()
+    });
+    if let Some(path) = &arguments.record {
+        let created = File::create(path).with_context(|| format!("cannot write {}", path.display()))?;
+        let mut to = BufWriter::new(created);
+        trace.write(&mut to)?;
+        to.flush()
+            .with_context(|| format!("cannot write {}", path.display()))?;
+    }
+    Ok(trace)
+}

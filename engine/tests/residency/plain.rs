@@ -1,0 +1,559 @@
+//! Residency worked out anew from everything in every update: nothing is kept but slots, what is in flight, failures, and
+//! when each tile was last wanted. The rules are those of `engine::residency`.
+
+use std::cmp::Reverse;
+use std::collections::{BTreeMap, BTreeSet};
+
+use engine::residency::{
+    Item, LONGEST_BACK_OFF, Limits, MaterialId, MaterialInfo, Move, PATIENCE, Placement, Plan, Resized,
+    SWAP_MARGIN, Slot, Vote,
+};
+use tileset::{PageId, Tile};
+
+/// Pinned, value, value ahead, last wanted, tile, group, material.
+type Rank = (bool, f64, f64, u64, Reverse<u32>, Reverse<u16>, Reverse<u16>);
+
+fn compare(a: &Rank, b: &Rank) -> std::cmp::Ordering {
+    a.partial_cmp(b).expect("numbers")
+}
+
+fn exceeds(a: &Rank, b: &Rank) -> bool {
+    (a.0, a.1, a.2) > (b.0, b.1, b.2)
+}
+
+fn exceeds_by_margin(a: &Rank, b: &Rank) -> bool {
+    let by = 1.0 + SWAP_MARGIN;
+    a.0 > b.0 || (a.0 == b.0 && (a.1 > b.1 * by || (a.1 == 0.0 && b.1 == 0.0 && a.2 > b.2 * by)))
+}
+
+fn is_wanted(rank: &Rank) -> bool {
+    rank.1 > 0.0 || rank.2 > 0.0
+}
+
+pub(crate) struct Plain {
+    limits: Limits,
+    materials: Vec<MaterialInfo>,
+    /// By slot; pages, columns.
+    pages: Vec<Item>,
+    columns: Vec<Item>,
+    in_flight: BTreeSet<Item>,
+    failures: BTreeMap<Item, (u32, u64)>,
+    now: u64,
+    last_wanted: BTreeMap<(u16, u32), u64>,
+    votes: [Vec<Vote>; 2],
+    /// By material, group, tile and class; what follows from the votes.
+    values: BTreeMap<(u16, u16, Tile, usize), f64>,
+    /// By material, group and class.
+    worths: BTreeMap<(u16, u16, usize), f64>,
+    /// Groups whose columns are about to be asked for, or in flight.
+    opened: BTreeSet<(u16, u16)>,
+}
+
+impl Plain {
+    pub(crate) fn new(limits: Limits, materials: &[MaterialInfo]) -> Self {
+        Self {
+            limits,
+            materials: materials.to_vec(),
+            pages: Vec::new(),
+            columns: Vec::new(),
+            in_flight: BTreeSet::new(),
+            failures: BTreeMap::new(),
+            now: 0,
+            last_wanted: BTreeMap::new(),
+            votes: Default::default(),
+            values: BTreeMap::new(),
+            worths: BTreeMap::new(),
+            opened: BTreeSet::new(),
+        }
+    }
+
+    pub(crate) fn resident(&self) -> Vec<(Item, Slot)> {
+        let slots = |items: &[Item]| {
+            (0..)
+                .map(Slot)
+                .zip(items.to_vec())
+                .map(|(slot, item)| (item, slot))
+                .collect()
+        };
+        let [pages, columns]: [Vec<_>; 2] = [slots(&self.pages), slots(&self.columns)];
+        [pages, columns].concat()
+    }
+
+    fn has(&self, item: Item) -> bool {
+        self.pages.contains(&item) || self.columns.contains(&item)
+    }
+
+    /// w·v.
+    fn gain(&self, material: u16, group: u16, tile: Tile, class: usize) -> f64 {
+        let MaterialInfo { pyramid, weights, .. } = &self.materials[usize::from(material)];
+        let index = pyramid.tile_index(tile).expect("a tile") as usize;
+        let weight = weights[usize::from(group) * pyramid.tile_count() as usize + index];
+        f64::from(weight) * self.count(material, tile, class) as f64
+    }
+
+    /// v: votes of the tile and its descendants.
+    fn count(&self, material: u16, tile: Tile, class: usize) -> u64 {
+        let pyramid = &self.materials[usize::from(material)].pyramid;
+        let own = self.votes[class]
+            .iter()
+            .filter(|vote| vote.material.0 == material && pyramid.tile_at(vote.tile) == Some(tile));
+        own.map(|vote| u64::from(vote.pixels)).sum::<u64>()
+            + pyramid
+                .children(tile)
+                .map(|child| self.count(material, child, class))
+                .sum::<u64>()
+    }
+
+    /// The block of a page, with the blocks below it.
+    fn block(&self, material: u16, group: u16, tile: Tile, class: usize) -> Block {
+        let pyramid = self.materials[usize::from(material)].pyramid;
+        let children = pyramid.children(tile);
+        let mut block = Block {
+            sum: self.gain(material, group, tile, class),
+            tiles: vec![tile],
+            below: children
+                .map(|child| self.block(material, group, child, class))
+                .collect(),
+        };
+        while let Some(best) =
+            (0..block.below.len()).max_by(|&a, &b| block.below[a].mean().total_cmp(&block.below[b].mean()))
+            && block.below[best].mean() > block.mean()
+        {
+            let best = block.below.swap_remove(best);
+            block.sum += best.sum;
+            block.tiles.extend(best.tiles);
+            block.below.extend(best.below);
+        }
+        block
+    }
+
+    /// Works out what follows from the votes, from nothing else.
+    fn find_values(&mut self) {
+        self.values.clear();
+        self.worths.clear();
+        for (material, info) in (0..).zip(&self.materials) {
+            for (group, class) in (0..info.groups).flat_map(|group| [(group, 0), (group, 1)]) {
+                let worth = info
+                    .pyramid
+                    .tiles()
+                    .map(|tile| self.gain(material, group, tile, class))
+                    .sum();
+                self.worths.insert((material, group, class), worth);
+                let mut open = vec![self.block(material, group, info.pyramid.root(), class)];
+                while let Some(block) = open.pop() {
+                    let mean = block.mean();
+                    let tiles = block.tiles.into_iter();
+                    self.values
+                        .extend(tiles.map(|tile| ((material, group, tile, class), mean)));
+                    open.extend(block.below);
+                }
+            }
+        }
+    }
+
+    fn value(&self, material: u16, group: u16, tile: Tile, class: usize) -> f64 {
+        self.values
+            .get(&(material, group, tile, class))
+            .copied()
+            .unwrap_or(0.0)
+    }
+
+    fn worth(&self, material: u16, group: u16, class: usize) -> f64 {
+        self.worths.get(&(material, group, class)).copied().unwrap_or(0.0)
+    }
+
+    fn visible(&self, material: u16) -> bool {
+        self.count(material, self.materials[usize::from(material)].pyramid.root(), 0) > 0
+    }
+
+    fn pins(&self, slots: u32) -> bool {
+        (0..self.materials.len() as u16)
+            .filter(|&material| self.visible(material))
+            .count()
+            <= slots as usize
+    }
+
+    fn is_open(&self, material: u16, group: u16) -> bool {
+        self.opened.contains(&(material, group)) || self.has(Item::Column(MaterialId(material), group))
+    }
+
+    fn page_rank(&self, material: u16, page: PageId, open: bool) -> Rank {
+        let pyramid = self.materials[usize::from(material)].pyramid;
+        let first = page.group == 0 && page.tile == pyramid.root();
+        let value = self.value(material, page.group, page.tile, 0);
+        let pinned = first && value > 0.0 && self.pins(self.limits.page_slots);
+        let value = if open || pinned { value } else { 0.0 };
+        let ahead = if open && value == 0.0 {
+            self.value(material, page.group, page.tile, 1)
+        } else {
+            0.0
+        };
+        self.rank_of(material, page.group, page.tile, (pinned, value, ahead))
+    }
+
+    fn rank_of(
+        &self,
+        material: u16,
+        group: u16,
+        tile: Tile,
+        (pinned, value, ahead): (bool, f64, f64),
+    ) -> Rank {
+        let index = self.materials[usize::from(material)]
+            .pyramid
+            .tile_index(tile)
+            .expect("a tile");
+        let last = self.last_wanted.get(&(material, index)).copied().unwrap_or(0);
+        (
+            pinned,
+            value,
+            ahead,
+            last,
+            Reverse(index),
+            Reverse(group),
+            Reverse(material),
+        )
+    }
+
+    fn rank(&self, item: Item) -> Rank {
+        match item {
+            Item::Page(MaterialId(material), page) => {
+                self.page_rank(material, page, self.is_open(material, page.group))
+            }
+            Item::Column(MaterialId(material), group) => {
+                let value = self.worth(material, group, 0);
+                let ahead = if value > 0.0 {
+                    0.0
+                } else {
+                    self.worth(material, group, 1)
+                };
+                let pinned = group == 0 && value > 0.0 && self.pins(self.limits.column_slots);
+                let root = self.materials[usize::from(material)].pyramid.root();
+                self.rank_of(material, group, root, (pinned, value, ahead))
+            }
+        }
+    }
+
+    fn root_rank(&self, material: u16, group: u16) -> Rank {
+        let tile = self.materials[usize::from(material)].pyramid.root();
+        self.page_rank(material, PageId { group, tile }, true)
+    }
+
+    fn reachable(&self, item: Item) -> bool {
+        let Item::Page(material, page) = item else {
+            return true;
+        };
+        let pyramid = self.materials[usize::from(material.0)].pyramid;
+        pyramid.parent(page.tile).is_none_or(|tile| {
+            self.has(Item::Page(material, PageId { tile, ..page }))
+                && self.has(Item::Column(material, page.group))
+        })
+    }
+
+    /// All pages and columns that there are.
+    fn items(&self, pages: bool) -> Vec<Item> {
+        let mut items = Vec::new();
+        for (material, info) in (0..).map(MaterialId).zip(&self.materials) {
+            for group in 0..info.groups {
+                if pages {
+                    items.extend(
+                        info.pyramid
+                            .tiles()
+                            .map(|tile| Item::Page(material, PageId { group, tile })),
+                    );
+                } else {
+                    items.push(Item::Column(material, group));
+                }
+            }
+        }
+        items
+    }
+
+    fn bytes(&self, item: Item) -> u64 {
+        let (Item::Page(MaterialId(material), _) | Item::Column(MaterialId(material), _)) = item;
+        let info = &self.materials[usize::from(material)];
+        let bytes = match item {
+            Item::Page(_, page) => {
+                let tile = info.pyramid.tile_index(page.tile).expect("a tile");
+                info.page_bytes
+                    .get((u32::from(page.group) * info.pyramid.tile_count() + tile) as usize)
+            }
+            Item::Column(_, group) => info.column_bytes.get(usize::from(group)),
+        };
+        bytes.copied().unwrap_or(0).into()
+    }
+
+    fn sorted(&self, items: &[Item]) -> Vec<(Rank, usize)> {
+        let mut ranks: Vec<_> = items
+            .iter()
+            .enumerate()
+            .map(|(slot, item)| (self.rank(*item), slot))
+            .collect();
+        ranks.sort_by(|a, b| compare(&a.0, &b.0));
+        ranks
+    }
+
+    pub(crate) fn update(&mut self, votes: &[Vote], ahead: &[Vote]) -> Plan {
+        self.now += 1;
+        let valid = |votes: &[Vote]| -> Vec<Vote> {
+            let known = |vote: &&Vote| {
+                let info = self.materials.get(usize::from(vote.material.0));
+                vote.pixels > 0 && info.is_some_and(|info| info.pyramid.tile_at(vote.tile).is_some())
+            };
+            votes.iter().filter(known).copied().collect()
+        };
+        let votes = [valid(votes), valid(ahead)];
+        if self.votes != votes {
+            self.votes = votes;
+            self.find_values();
+        }
+        for (material, info) in (0..).zip(self.materials.clone()) {
+            for (index, tile) in (0..).zip(info.pyramid.tiles()) {
+                if self.count(material, tile, 0) > 0 {
+                    self.last_wanted.insert((material, index), self.now);
+                }
+            }
+        }
+        let mut plan = Plan::default();
+        let columns = self.choose(false, &mut plan);
+        self.opened = columns.iter().map(|(_, item, _)| column_of(*item)).collect();
+        let columns = columns.into_iter().map(|(mut rank, item, new)| {
+            let (material, group) = column_of(item);
+            let root = self.root_rank(material, group);
+            (rank.1, rank.2) = (root.1, root.2);
+            (rank, item, new)
+        });
+        let columns: Vec<_> = columns.collect();
+        let pages = self.choose(true, &mut plan);
+        let mut claims = [columns, pages].concat();
+        claims.sort_by(|a, b| compare(&b.0, &a.0));
+        self.request(claims, &mut plan);
+        plan
+    }
+
+    /// Claims that get a place: rank, item, and whether it is to be asked for; `None` where it has to wait.
+    fn choose(&mut self, pages: bool, plan: &mut Plan) -> Vec<(Rank, Item, Option<bool>)> {
+        let (slots, residents) = if pages {
+            (self.limits.page_slots, &self.pages)
+        } else {
+            (self.limits.column_slots, &self.columns)
+        };
+        let lowest_page = self.sorted(&self.pages).first().map(|(rank, _)| *rank);
+        let page_fits = |rank: &Rank| {
+            self.pages.len() < self.limits.page_slots as usize
+                || lowest_page.is_some_and(|lowest| exceeds_by_margin(rank, &lowest))
+        };
+        let mut claims = Vec::new();
+        let mut candidates = self.items(pages);
+        if !pages {
+            // No more of them than could be asked for if all that is in flight and has failed ranked above.
+            let present = self
+                .in_flight
+                .iter()
+                .filter(|item| self.rank(**item).1 > 0.0)
+                .count();
+            let most = self.limits.in_flight + present + self.failures.len();
+            candidates.retain(|item| {
+                let (material, group) = column_of(*item);
+                !self.has(*item)
+                    && is_wanted(&self.rank(*item))
+                    && page_fits(&self.root_rank(material, group))
+            });
+            candidates.sort_by(|a, b| compare(&self.rank(*b), &self.rank(*a)));
+            candidates.truncate(most);
+            candidates.retain(|item| !self.in_flight.contains(item));
+            candidates.extend(
+                self.in_flight
+                    .iter()
+                    .filter(|item| matches!(item, Item::Column(..))),
+            );
+        }
+        for item in candidates {
+            let rank = self.rank(item);
+            if self.in_flight.contains(&item) {
+                if is_wanted(&rank) && self.reachable(item) {
+                    claims.push((rank, item, Some(false)));
+                } else {
+                    plan.cancel.push(item);
+                }
+            } else if is_wanted(&rank) && self.reachable(item) && !self.has(item) {
+                match self.failures.get(&item) {
+                    Some((count, retry)) if *retry > self.now && *count >= PATIENCE => {}
+                    Some((_, retry)) if *retry > self.now => claims.push((rank, item, None)),
+                    _ => claims.push((rank, item, Some(true))),
+                }
+            }
+        }
+        claims.sort_by(|a, b| compare(&b.0, &a.0));
+        let order = self.sorted(residents);
+        let free = slots as usize - residents.len();
+        let mut chosen: Vec<(Rank, Item, Option<bool>)> = Vec::new();
+        for claim in claims {
+            let gives_way = chosen.len().checked_sub(free).map(|n| order.get(n));
+            let worth_it = match gives_way {
+                None => true,
+                Some(None) => false,
+                Some(Some((lowest, _))) if claim.2 == Some(false) => exceeds(&claim.0, lowest),
+                Some(Some((lowest, _))) => exceeds_by_margin(&claim.0, lowest),
+            };
+            if worth_it {
+                chosen.push(claim);
+            } else if claim.2 == Some(false) {
+                plan.cancel.push(claim.1);
+            }
+        }
+        plan.cancel.iter().for_each(|item| {
+            self.in_flight.remove(item);
+        });
+        chosen
+    }
+
+    fn fits(&self, bytes: u64, without: &[Item]) -> bool {
+        let staying = self.in_flight.iter().filter(|item| !without.contains(item));
+        let sizes: Vec<u64> = staying.map(|item| self.bytes(*item)).collect();
+        sizes.len() < self.limits.in_flight
+            && (sizes.is_empty() || sizes.iter().sum::<u64>() + bytes <= self.limits.bytes_in_flight)
+    }
+
+    fn request(&mut self, claims: Vec<(Rank, Item, Option<bool>)>, plan: &mut Plan) {
+        let ahead = claims
+            .iter()
+            .filter(|(rank, _, new)| *new == Some(false) && rank.1 == 0.0);
+        let mut ahead: Vec<Item> = ahead.map(|claim| claim.1).collect();
+        for (rank, item, _) in claims.into_iter().filter(|claim| claim.2 == Some(true)) {
+            let bytes = self.bytes(item);
+            if rank.1 > 0.0 && self.fits(bytes, &ahead) {
+                while !self.fits(bytes, &[]) {
+                    let lowest = ahead.pop().expect("one that gives way");
+                    self.in_flight.remove(&lowest);
+                    plan.cancel.push(lowest);
+                }
+            }
+            if !self.fits(bytes, &[]) {
+                return;
+            }
+            self.in_flight.insert(item);
+            plan.request.push(item);
+        }
+    }
+
+    pub(crate) fn arrived(&mut self, item: Item) -> Placement {
+        if !self.in_flight.remove(&item) {
+            return Placement::Drop;
+        }
+        self.failures.remove(&item);
+        let placement = self.place(item);
+        if let Item::Column(MaterialId(material), group) = item {
+            self.opened.remove(&(material, group));
+        }
+        if let Placement::Place {
+            evicted: Some(Item::Column(MaterialId(material), group)),
+            ..
+        } = placement
+        {
+            self.opened.remove(&(material, group));
+        }
+        placement
+    }
+
+    fn place(&mut self, item: Item) -> Placement {
+        if !self.reachable(item) {
+            return Placement::Drop;
+        }
+        let rank = self.rank(item);
+        let (slots, residents) = match item {
+            Item::Page(..) => (self.limits.page_slots, &self.pages),
+            Item::Column(..) => (self.limits.column_slots, &self.columns),
+        };
+        let order = self.sorted(residents);
+        let free = residents.len() < slots as usize;
+        let residents = match item {
+            Item::Page(..) => &mut self.pages,
+            Item::Column(..) => &mut self.columns,
+        };
+        if free {
+            residents.push(item);
+            let slot = Slot(residents.len() as u32 - 1);
+            return Placement::Place { slot, evicted: None };
+        }
+        match order.first() {
+            Some((lowest, slot)) if exceeds(&rank, lowest) => Placement::Place {
+                slot: Slot(*slot as u32),
+                evicted: Some(std::mem::replace(&mut residents[*slot], item)),
+            },
+            _ => Placement::Drop,
+        }
+    }
+
+    pub(crate) fn failed(&mut self, item: Item) {
+        if !self.in_flight.remove(&item) {
+            return;
+        }
+        if let Item::Column(MaterialId(material), group) = item {
+            self.opened.remove(&(material, group));
+        }
+        let failure = self.failures.entry(item).or_insert((0, 0));
+        failure.0 += 1;
+        failure.1 = self.now + (1u64 << failure.0.min(40)).min(LONGEST_BACK_OFF);
+    }
+
+    pub(crate) fn set_limits(&mut self, limits: Limits) -> Resized {
+        self.limits = limits;
+        let mut resized = Resized::default();
+        for pages in [false, true] {
+            let (items, slots) = if pages {
+                (self.pages.clone(), limits.page_slots as usize)
+            } else {
+                (self.columns.clone(), limits.column_slots as usize)
+            };
+            let mut gone: Vec<usize> = self.sorted(&items).into_iter().map(|(_, slot)| slot).collect();
+            gone.truncate(items.len().saturating_sub(slots));
+            gone.sort_unstable();
+            resized
+                .evicted
+                .extend(gone.iter().map(|&slot| (items[slot], Slot(slot as u32))));
+            let mut kept = items.clone();
+            let mut free = gone.iter().filter(|slot| **slot < slots);
+            for from in slots..items.len() {
+                if !gone.contains(&from) {
+                    let &to = free.next().expect("as many free slots as there are to move");
+                    kept[to] = items[from];
+                    let (item, from, to) = (items[from], Slot(from as u32), Slot(to as u32));
+                    resized.moved.push(Move { item, from, to });
+                }
+            }
+            kept.truncate(slots);
+            *(if pages { &mut self.pages } else { &mut self.columns }) = kept;
+        }
+        let mut in_flight: Vec<Item> = self.in_flight.iter().copied().collect();
+        in_flight.sort_by(|a, b| compare(&self.rank(*a), &self.rank(*b)));
+        for item in in_flight {
+            let bytes: u64 = self.in_flight.iter().map(|item| self.bytes(*item)).sum();
+            let count = self.in_flight.len();
+            if count > limits.in_flight || (bytes > limits.bytes_in_flight && count > 1) {
+                self.in_flight.remove(&item);
+                resized.cancel.push(item);
+            }
+        }
+        resized
+    }
+}
+
+fn column_of(item: Item) -> (u16, u16) {
+    match item {
+        Item::Column(MaterialId(material), group)
+        | Item::Page(MaterialId(material), PageId { group, .. }) => (material, group),
+    }
+}
+
+#[derive(Clone)]
+struct Block {
+    sum: f64,
+    tiles: Vec<Tile>,
+    below: Vec<Block>,
+}
+
+impl Block {
+    fn mean(&self) -> f64 {
+        self.sum / self.tiles.len() as f64
+    }
+}
