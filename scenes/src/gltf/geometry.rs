@@ -1,5 +1,6 @@
 //! From primitives to meshes: triangles, normals, tangents.
 
+use glam::{Vec2, Vec3};
 use gltf::json::mesh::{Mode, Primitive, Semantic};
 use gltf::json::validation::Checked;
 
@@ -7,8 +8,28 @@ use super::Detail;
 use super::accessor::Reader;
 use crate::Mesh;
 
-/// The mesh of a primitive, complete; `material` becomes its material.
-pub(super) fn mesh(reader: &mut Reader, primitive: &Primitive, material: usize) -> Detail<Mesh> {
+/// Positions further out, in the mesh's own units, are as useless as those that are not finite: squares of them leave
+/// the range of f32 where they are shaded.
+const MAX_POSITION: f32 = 1e15;
+/// Texture coordinates further out have no fraction left to look up.
+const MAX_UV: f32 = 8_388_608.0;
+
+/// What a primitive is drawn as, if not as triangles.
+pub(super) fn undrawn(primitive: &Primitive) -> Option<&'static str> {
+    match primitive.mode {
+        Checked::Valid(Mode::Points) => Some("points"),
+        Checked::Valid(Mode::Lines | Mode::LineLoop | Mode::LineStrip) => Some("lines"),
+        _ => None,
+    }
+}
+
+/// The mesh of a primitive, complete; `material` becomes its material. `note` hears what was mended or left out.
+pub(super) fn mesh(
+    reader: &mut Reader,
+    primitive: &Primitive,
+    material: usize,
+    note: &mut dyn FnMut(String),
+) -> Detail<Mesh> {
     let attribute = |semantic| primitive.attributes.get(&Checked::Valid(semantic)).copied();
     let positions = attribute(Semantic::Positions).ok_or("has no POSITION")?;
     let positions = reader.floats::<3>(positions, "POSITION")?;
@@ -45,40 +66,120 @@ pub(super) fn mesh(reader: &mut Reader, primitive: &Primitive, material: usize) 
     }
     let mut mesh = Mesh {
         positions: positions.into_iter().map(Into::into).collect(),
+        normals: normals.map_or_else(Vec::new, |normals| normals.into_iter().map(Into::into).collect()),
+        tangents: tangents.map_or_else(Vec::new, |tangents| {
+            tangents.into_iter().map(Into::into).collect()
+        }),
         uvs: uvs.map_or_else(
-            || vec![glam::Vec2::ZERO; count],
+            || vec![Vec2::ZERO; count],
             |uvs| uvs.into_iter().map(Into::into).collect(),
         ),
         indices: triangles(&primitive.mode, corners)?,
         material,
-        ..Mesh::default()
     };
-    let Some(normals) = normals else {
+    drop_bad_positions(&mut mesh, note);
+    mend_uvs(&mut mesh, note);
+    if mesh.normals.is_empty() {
         mesh.compute_flat_normals(); // tangents without normals are to be ignored
         mesh.compute_tangents();
-        return Ok(mesh);
-    };
-    mesh.normals = normals.into_iter().map(glam::Vec3::from).collect();
-    if mesh.normals.iter().any(|normal| normal.try_normalize().is_none()) {
-        // Zero where a mesh has degenerate corners: those alone are replaced.
-        let given = std::mem::take(&mut mesh.normals);
-        mesh.compute_smooth_normals();
-        for (normal, given) in mesh.normals.iter_mut().zip(given) {
-            *normal = given.try_normalize().unwrap_or(*normal);
-        }
     } else {
-        mesh.normals
-            .iter_mut()
-            .for_each(|normal| *normal = normal.normalize());
-    }
-    match tangents {
-        Some(tangents) => {
-            mesh.tangents = tangents.into_iter().map(Into::into).collect();
-            mesh.clean_tangents();
-        }
-        None => mesh.compute_tangents(),
+        mend_normals(&mut mesh, note);
+        mend_tangents(&mut mesh, note);
     }
     Ok(mesh)
+}
+
+/// Removes triangles with a corner that is nowhere, and vertices that are.
+fn drop_bad_positions(mesh: &mut Mesh, note: &mut dyn FnMut(String)) {
+    let bad = |position: &Vec3| !(position.abs().max_element() <= MAX_POSITION && position.is_finite());
+    let count = mesh.positions.iter().filter(|position| bad(position)).count();
+    if count == 0 {
+        return;
+    }
+    let before = mesh.indices.len() / 3;
+    // Number of each vertex among those that stay.
+    let mut kept = 0u32;
+    let stays: Vec<Option<u32>> = mesh
+        .positions
+        .iter()
+        .map(|position| {
+            let stays = (!bad(position)).then_some(kept);
+            kept += u32::from(stays.is_some());
+            stays
+        })
+        .collect();
+    mesh.indices = mesh
+        .indices
+        .chunks_exact(3)
+        .filter_map(|corners| {
+            let [a, b, c] = [0, 1, 2].map(|corner| stays[corners[corner] as usize]);
+            Some([a?, b?, c?])
+        })
+        .flatten()
+        .collect();
+    fn keep<T>(values: &mut Vec<T>, stays: &[Option<u32>]) {
+        let mut stays = stays.iter();
+        values.retain(|_| stays.next().is_some_and(Option::is_some));
+    }
+    keep(&mut mesh.positions, &stays);
+    keep(&mut mesh.normals, &stays);
+    keep(&mut mesh.tangents, &stays);
+    keep(&mut mesh.uvs, &stays);
+    note(format!(
+        "{count} positions are not finite or beyond {MAX_POSITION:e}; {} of its {before} triangles are left out",
+        before - mesh.indices.len() / 3
+    ));
+}
+
+/// Texture coordinates that are no place become (0, 0).
+fn mend_uvs(mesh: &mut Mesh, note: &mut dyn FnMut(String)) {
+    let bad = |uv: &&mut Vec2| !(uv.abs().max_element() <= MAX_UV && uv.is_finite());
+    let count = mesh.uvs.iter_mut().filter(bad).map(|uv| *uv = Vec2::ZERO).count();
+    if count > 0 {
+        note(format!(
+            "{count} texture coordinates are not finite or beyond {MAX_UV}; they are taken as (0, 0)"
+        ));
+    }
+}
+
+/// Unit normals; those that are zero (as at degenerate corners) or not finite become the surface's.
+fn mend_normals(mesh: &mut Mesh, note: &mut dyn FnMut(String)) {
+    let given = std::mem::take(&mut mesh.normals);
+    let unit = |normal: &Vec3| {
+        // Divided first, because squares of large finite numbers are not finite.
+        (*normal / normal.abs().max_element()).try_normalize()
+    };
+    let count = given.iter().filter(|normal| unit(normal).is_none()).count();
+    if count == 0 {
+        mesh.normals = given.iter().filter_map(unit).collect();
+        return;
+    }
+    mesh.compute_smooth_normals();
+    for (normal, given) in mesh.normals.iter_mut().zip(&given) {
+        *normal = unit(given).unwrap_or(*normal);
+    }
+    note(format!(
+        "{count} normals are zero or not finite; they are computed"
+    ));
+}
+
+/// Unit tangents at right angles to the normals; all are computed where one is not finite.
+fn mend_tangents(mesh: &mut Mesh, note: &mut dyn FnMut(String)) {
+    let count = mesh
+        .tangents
+        .iter()
+        .filter(|tangent| !tangent.is_finite())
+        .count();
+    if count > 0 {
+        note(format!(
+            "{count} tangents are not finite; all of the mesh are computed"
+        ));
+    }
+    if count > 0 || mesh.tangents.is_empty() {
+        mesh.compute_tangents();
+    } else {
+        mesh.clean_tangents();
+    }
 }
 
 /// Lists of three corners, from lists, strips or fans (glTF 2.0, section 3.7.2.1). Triangles with two equal
@@ -111,9 +212,7 @@ fn triangles(mode: &Checked<Mode>, corners: Vec<u32>) -> Detail<Vec<u32>> {
             let turned = pairs.map(|pair| [pair[0], pair[1], corners[0]]);
             Ok(turned.filter(|triangle| whole(triangle)).flatten().collect())
         }
-        Checked::Valid(mode) => Err(format!(
-            "is drawn as {mode:?}; only triangles, strips and fans are"
-        )),
+        Checked::Valid(mode) => Err(format!("is drawn as {mode:?}, not as triangles")),
         Checked::Invalid => Err("has an unknown mode".into()),
     }
 }
