@@ -219,7 +219,99 @@ fn triangles(mode: &Checked<Mode>, corners: Vec<u32>) -> Detail<Vec<u32>> {
 
 #[cfg(test)]
 mod tests {
+    use glam::Vec4;
+
     use super::*;
+
+    /// A square of two triangles, and what was said of it after `change`.
+    fn mended(change: fn(&mut Mesh)) -> (Mesh, Vec<String>) {
+        let corners = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
+        let mut mesh = Mesh {
+            positions: corners.iter().map(|[x, y]| Vec3::new(*x, *y, 0.0)).collect(),
+            normals: vec![Vec3::Z; 4],
+            tangents: vec![Vec4::new(1.0, 0.0, 0.0, 1.0); 4],
+            uvs: corners.iter().map(|[x, y]| Vec2::new(*x, 1.0 - *y)).collect(),
+            indices: vec![0, 1, 2, 0, 2, 3],
+            material: 0,
+        };
+        change(&mut mesh);
+        let mut notes = Vec::new();
+        let mut note = |what| notes.push(what);
+        drop_bad_positions(&mut mesh, &mut note);
+        mend_uvs(&mut mesh, &mut note);
+        mend_normals(&mut mesh, &mut note);
+        mend_tangents(&mut mesh, &mut note);
+        let count = mesh.positions.len();
+        assert_eq!(
+            (mesh.normals.len(), mesh.tangents.len(), mesh.uvs.len()),
+            (count, count, count)
+        );
+        for (normal, tangent) in mesh.normals.iter().zip(&mesh.tangents) {
+            assert!((normal.length() - 1.0).abs() < 1e-5 && normal.dot(tangent.truncate()).abs() < 1e-5);
+            assert!((tangent.truncate().length() - 1.0).abs() < 1e-5 && tangent.w.abs() == 1.0);
+        }
+        (mesh, notes)
+    }
+
+    #[test]
+    fn sound_meshes_stay_as_they_are() {
+        let (mesh, notes) = mended(|_| ());
+        assert_eq!(
+            (mesh.indices.len(), notes.len(), mesh.normals[0]),
+            (6, 0, Vec3::Z)
+        );
+    }
+
+    #[test]
+    fn bad_vertices_take_their_triangles_with_them_and_no_others() {
+        for value in [f32::NAN, f32::INFINITY, 2e15] {
+            let (mesh, notes) = match value {
+                v if v.is_nan() => mended(|mesh| mesh.positions[1].y = f32::NAN),
+                f32::INFINITY => mended(|mesh| mesh.positions[1].y = f32::INFINITY),
+                _ => mended(|mesh| mesh.positions[1].y = 2e15),
+            };
+            assert_eq!(
+                (mesh.positions.len(), mesh.indices.as_slice()),
+                (3, &[0, 1, 2][..])
+            );
+            assert_eq!(mesh.positions, [Vec3::ZERO, Vec3::new(1.0, 1.0, 0.0), Vec3::Y]);
+            assert!(
+                notes[0].contains("1 positions") && notes[0].contains("1 of its 2 triangles"),
+                "{notes:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn bad_normals_tangents_and_coordinates_are_replaced() {
+        let (mesh, notes) = mended(|mesh| mesh.normals[2] = Vec3::NAN);
+        assert_eq!((mesh.normals[2], notes.len()), (Vec3::Z, 1));
+        let (mesh, _) = mended(|mesh| mesh.normals = vec![Vec3::new(0.0, 1e38, 1e38); 4]);
+        assert!(
+            (mesh.normals[0] - Vec3::new(0.0, 0.5f32.sqrt(), 0.5f32.sqrt())).length() < 1e-6,
+            "only scaled"
+        );
+        let (mesh, notes) = mended(|mesh| mesh.tangents[0].y = f32::NEG_INFINITY);
+        assert_eq!((mesh.tangents[0].truncate(), notes.len()), (Vec3::X, 1));
+        let (mesh, notes) = mended(|mesh| mesh.tangents[0].w = f32::NAN);
+        assert_eq!((mesh.tangents[0].w, notes.len()), (1.0, 1));
+        let (mesh, notes) = mended(|mesh| (mesh.uvs[1].x, mesh.uvs[2].y) = (f32::NAN, 1e12));
+        assert_eq!(
+            (mesh.uvs[1], mesh.uvs[2], notes.len()),
+            (Vec2::ZERO, Vec2::ZERO, 1)
+        );
+        assert!(notes[0].contains("2 texture coordinates"), "{notes:?}");
+    }
+
+    #[test]
+    fn triangles_without_area_stay_and_have_a_frame() {
+        let (mesh, notes) = mended(|mesh| {
+            mesh.positions.fill(Vec3::ONE);
+            mesh.normals.fill(Vec3::ZERO);
+            mesh.tangents.clear();
+        });
+        assert_eq!((mesh.indices.len(), notes.len()), (6, 1));
+    }
 
     #[test]
     fn strips_and_fans_become_lists_of_one_winding() {

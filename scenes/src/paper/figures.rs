@@ -1,5 +1,5 @@
-//! Two figures: a seated one of soft lobes, and a standing one in scale armour. Both are displaced surfaces over
-//! spherical or cylindrical coordinates, so that their texture coordinates have no seams but one.
+//! Two figures: a seated one, and a standing one in scale armour. Both are displaced surfaces over cylindrical
+//! coordinates, so that their texture coordinates have no seams but one.
 
 use std::f32::consts::{PI, TAU};
 
@@ -7,61 +7,70 @@ use glam::{Vec2, Vec3};
 
 use super::objects::Grain;
 use crate::Mesh;
-use crate::shapes::{by_length, grid, star};
+use crate::shapes::{by_length, grid};
 
-/// A soft bulge: direction, height in radii, and how narrow it is.
-type Lobe = ([f32; 3], f32, f32);
-
-const SEATED: [Lobe; 15] = [
-    ([0.0, 1.0, 0.08], 0.52, 5.0),     // neck and shoulders
-    ([0.0, 1.0, 0.12], 0.78, 26.0),    // head
-    ([0.0, 0.93, 0.36], 0.10, 90.0),   // face
-    ([0.0, 1.0, -0.02], 0.14, 420.0),  // topknot
-    ([0.17, 0.98, 0.08], 0.08, 700.0), // ears
-    ([-0.17, 0.98, 0.08], 0.08, 700.0),
-    ([0.78, -0.35, 0.62], 0.46, 9.0), // knees
-    ([-0.78, -0.35, 0.62], 0.46, 9.0),
-    ([0.8, 0.32, 0.1], 0.22, 14.0), // arms
-    ([-0.8, 0.32, 0.1], 0.22, 14.0),
-    ([0.25, -0.1, 0.97], 0.14, 40.0), // hands
-    ([-0.25, -0.1, 0.97], 0.14, 40.0),
-    ([0.0, 0.05, 1.0], 0.10, 8.0),    // belly
-    ([0.0, -0.42, 0.9], -0.12, 30.0), // lap
-    ([0.0, 0.5, -0.85], 0.10, 6.0),   // back
+/// Outline of the seated figure: half width and height in metres, from the ground up.
+const SEATED: [[f32; 2]; 17] = [
+    [0.002, 0.0],
+    [0.36, 0.004],
+    [0.42, 0.05],
+    [0.40, 0.13],
+    [0.30, 0.21],
+    [0.235, 0.3],
+    [0.225, 0.42],
+    [0.25, 0.54],
+    [0.255, 0.61],
+    [0.16, 0.675],
+    [0.078, 0.715],
+    [0.085, 0.755],
+    [0.122, 0.82],
+    [0.112, 0.9],
+    [0.05, 0.945],
+    [0.045, 0.985],
+    [0.002, 1.0],
 ];
 
-/// A seated figure about a metre high, on the ground.
-pub(super) fn seated(triangles: f32, repeats: Vec2, size: f32) -> Mesh {
+/// A seated figure, legs crossed, `height` metres high.
+pub(super) fn seated(triangles: f32, repeats: Vec2, height: f32) -> Mesh {
     let Grain { columns, rows } = Grain::of(triangles, 1.6);
-    let lobes = SEATED.map(|(direction, height, narrow)| (Vec3::from(direction).normalize(), height, narrow));
-    let radius = move |d: Vec3| {
-        let soft: f32 = lobes
+    let outline = by_length(&SEATED);
+    // A bulge: angle from the front, height, how wide in both, and how far it stands out.
+    let bulges: [[f32; 5]; 11] = [
+        [0.95, 0.085, 0.42, 0.075, 0.14], // knees
+        [-0.95, 0.085, 0.42, 0.075, 0.14],
+        [0.0, 0.09, 0.35, 0.05, -0.07], // between the shins
+        [0.0, 0.235, 0.4, 0.045, 0.12], // hands in the lap
+        [1.45, 0.42, 0.3, 0.16, 0.06],  // arms
+        [-1.45, 0.42, 0.3, 0.16, 0.06],
+        [0.0, 0.36, 0.6, 0.08, 0.035],  // belly
+        [0.0, 0.8, 0.16, 0.018, 0.03],  // nose
+        [0.0, 0.762, 0.5, 0.02, 0.012], // chin
+        [1.5, 0.81, 0.13, 0.045, 0.03], // ears
+        [-1.5, 0.81, 0.13, 0.045, 0.03],
+    ];
+    grid(columns, rows, repeats, |s, t| {
+        let Vec2 { x: reach, y } = outline(t);
+        // The front is +z, which is at three quarters of a turn.
+        let around = s * TAU;
+        let from_front = (around - 1.5 * PI + PI).rem_euclid(TAU) - PI;
+        let bulged: f32 = bulges
             .iter()
-            .map(|(at, height, narrow)| height * (narrow * (at.dot(d) - 1.0)).exp())
+            .map(|[angle, at, wide, high, out]| {
+                let across = ((from_front - angle) / wide).powi(2);
+                out * (-across - ((y - at) / high).powi(2)).exp()
+            })
             .sum();
-        // Folds of a robe, below the shoulders.
-        let robe = (1.0 - (d.y - 0.1).max(0.0) * 2.2).clamp(0.0, 1.0);
-        let along = d.x.atan2(d.z);
-        let folds = (along * 9.0 + 5.0 * d.y + 1.2 * (3.0 * along).sin()).sin();
-        let crease = (along * 23.0 - 8.0 * d.y).sin() * 0.35;
-        0.62 + 0.75 * soft + 0.012 * robe * (folds + crease)
-    };
-    let mut mesh = star(columns, rows, repeats, |d| {
-        // Flat below: the ray to the ground, softened.
-        let free = radius(d);
-        let ground = if d.y < -1e-3 { 0.45 / -d.y } else { f32::MAX };
-        let sharp = 12.0f32;
-        if ground > 4.0 * free {
-            free
-        } else {
-            (free.powf(-sharp) + ground.powf(-sharp)).powf(-1.0 / sharp)
-        }
-    });
-    // The lowest point stands on the ground.
-    for position in &mut mesh.positions {
-        *position = (*position + Vec3::Y * 0.45) * size * 0.5;
-    }
-    mesh
+        // The robe falls in folds from the left shoulder; hair in small curls.
+        let robe = ((y - 0.03) / 0.05).clamp(0.0, 1.0) * ((0.63 - y) / 0.06).clamp(0.0, 1.0);
+        let folds = (from_front * 4.0 + 34.0 * y + 0.8 * (from_front * 3.0).sin()).sin();
+        let hair = ((y - 0.855) / 0.01).clamp(0.0, 1.0) * ((0.975 - y) / 0.02).clamp(0.0, 1.0);
+        let curls = (around * 18.0).sin() * (y * 260.0).sin();
+        let relief = robe * 0.007 * folds + hair * 0.004 * curls;
+        let reach = reach + (bulged + relief) * (reach / 0.03).min(1.0);
+        let (sin, cos) = around.sin_cos();
+        let flat = 1.0 - 0.22 * ((y - 0.15) / 0.2).clamp(0.0, 1.0) * ((0.72 - y) / 0.1).clamp(0.0, 1.0);
+        Vec3::new(reach * cos, y, -reach * sin * flat) * height
+    })
 }
 
 /// Outline of the soldier: half width and height in metres, from the base up.

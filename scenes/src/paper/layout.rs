@@ -42,15 +42,15 @@ pub(super) fn layout(scene: PaperScene, triangles: f32) -> Scene {
     scene.lights = vec![
         Light::Directional {
             to_light: direction(40.0, 40.0),
-            irradiance: Vec3::new(4.4, 4.0, 3.5),
+            irradiance: Vec3::new(7.0, 6.4, 5.6),
         },
         Light::Point {
             position: Vec3::new(2.6, 2.4, -3.0),
-            intensity: Vec3::new(9.0, 11.0, 14.0),
+            intensity: Vec3::new(14.0, 17.0, 21.0),
         },
     ];
-    scene.ambient = Vec3::new(0.18, 0.2, 0.23);
-    scene.background = Vec3::splat(0.03);
+    scene.ambient = Vec3::new(0.3, 0.33, 0.37);
+    scene.background = Vec3::new(0.045, 0.05, 0.058);
     scene
 }
 

@@ -173,7 +173,7 @@ mod tests {
                 }
                 let mirrored = mesh.tangents.iter().filter(|tangent| tangent.w != 1.0).count();
                 assert!(
-                    mirrored * 50 <= count,
+                    mirrored * 25 <= count,
                     "{name}: {mirrored} of {count} are mirrored"
                 );
                 let inward = mesh.indices.chunks_exact(3).filter(|corners| {
@@ -183,7 +183,7 @@ mod tests {
                 });
                 let (inward, triangles) = (inward.count(), mesh.indices.len() / 3);
                 assert!(
-                    inward * 50 <= triangles,
+                    inward * 25 <= triangles,
                     "{name}: {inward} of {triangles} face inwards"
                 );
             }

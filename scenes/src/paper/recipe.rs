@@ -40,10 +40,10 @@ pub(super) fn recipes(scene: PaperScene) -> Vec<Recipe> {
 
 /// Variants and sizes of the objects' materials, in the order of the objects; the last is the ground's, too.
 const OBJECTS: [(u32, u32); 15] = [
-    (2, 2048),
+    (8, 2048),
     (53, 2048),
     (1, 2048),
-    (74, 2048),
+    (50, 2048),
     (5, 1024),
     (62, 1024),
     (0, 1024),
@@ -56,9 +56,9 @@ const OBJECTS: [(u32, u32); 15] = [
     (31, 512),
     (4, 512),
 ];
-const LARGE: [u32; 4] = [2, 53, 74, 1];
+const LARGE: [u32; 4] = [8, 53, 50, 1];
 const CYLINDERS: [u32; 5] = [0, 1, 2, 4, 5];
-const FIGURE: u32 = 44;
+const FIGURE: u32 = 92;
 const DENSE: u32 = 53;
 
 /// A material by the number of its style; the kinds of material take turns.
