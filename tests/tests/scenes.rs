@@ -218,6 +218,9 @@ fn far_coordinates(folder: &Path) -> Scene {
         .scene
 }
 
+/// A name, and what writes and loads it.
+type Form = (&'static str, fn(&Path) -> Scene);
+
 #[test]
 fn one_square_in_many_forms_is_one_picture() {
     let folder = tempfile::tempdir().unwrap();
@@ -229,7 +232,7 @@ fn one_square_in_many_forms_is_one_picture() {
         values().any(|value| value > 2.0 * mean) && mean > 0.03,
         "something is seen"
     );
-    let forms: [(&str, fn(&Path) -> Scene); 3] = [
+    let forms: [Form; 3] = [
         ("strip with a broken triangle", sparse_and_broken),
         ("mirrored, bad frames", mirrored),
         ("far coordinates", far_coordinates),

@@ -59,7 +59,7 @@ const OBJECTS: [(u32, u32); 15] = [
 const LARGE: [u32; 4] = [8, 53, 50, 1];
 const CYLINDERS: [u32; 5] = [0, 1, 2, 4, 5];
 const FIGURE: u32 = 92;
-const DENSE: u32 = 53;
+const DENSE: u32 = 50;
 
 /// A material by the number of its style; the kinds of material take turns.
 fn variant(number: u32, size: u32) -> Recipe {

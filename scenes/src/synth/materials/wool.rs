@@ -45,7 +45,7 @@ fn yarn_colour(pattern: u32, row: usize, x: f32) -> Vec3 {
     match pattern {
         1 if row % 5 < 2 => NATURAL,
         2 => NATURAL,
-        3 if (row + column) % 4 == 0 || (row + LOOPS * 3 - column) % 4 == 0 => NATURAL,
+        3 if (row + column).is_multiple_of(4) || (row + LOOPS * 3 - column).is_multiple_of(4) => NATURAL,
         _ => PETROL,
     }
 }
