@@ -14,7 +14,7 @@ const PRODUCTS_PER_SECOND: f64 = 2.5e9;
 /// Texels times components that are coded, written and measured in a second on one core.
 const CODED_PER_SECOND: f64 = 4.0e6;
 /// Bytes of an archive for each texel and component, and for each row of the BTF and component.
-const PAGE_BYTES: f64 = 0.11;
+const PAGE_BYTES: f64 = 0.31;
 const COLUMN_BYTES: f64 = 0.35;
 
 /// Time and space.
