@@ -14,6 +14,7 @@ mod inspect;
 mod preprocess;
 mod progress;
 mod render;
+mod scene;
 mod serve;
 mod synth;
 
@@ -49,6 +50,7 @@ enum Command {
     Export(export::Arguments),
     Serve(serve::Arguments),
     Render(render::Arguments),
+    Scene(scene::Arguments),
     Demo(demo::Arguments),
     Bench(bench::Arguments),
 }
@@ -75,6 +77,7 @@ fn main() -> ExitCode {
         Command::Export(arguments) => export::run(&arguments),
         Command::Serve(arguments) => serve::run(&arguments),
         Command::Render(arguments) => render::run(&arguments),
+        Command::Scene(arguments) => scene::run(&arguments),
         Command::Demo(arguments) => demo::run(&arguments),
         Command::Bench(arguments) => bench::run(&arguments),
     };

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use ::preprocess::npy::{BtfWriter, Dtype, Sampling as NpySampling};
 use anyhow::{Context, Result};
 use clap::{Args, ValueEnum};
-use scenes::synth::{Sampling, SynthOptions, SynthReport, materials, synthesize};
+use scenes::synth::{Sampling, Style, SynthOptions, SynthReport, materials, synthesize};
 use serde_json::{Value, json};
 
 use crate::{file, progress};
@@ -28,6 +28,9 @@ pub(crate) struct Arguments {
     /// Which one of all materials of this kind.
     #[arg(long, default_value_t = 1)]
     seed: u64,
+    /// Style: pattern, colours, gloss and relief; 0 is the plain one.
+    #[arg(long, default_value_t = 0)]
+    variant: u32,
     /// Rays through each texel.
     #[arg(long, default_value_t = SynthOptions::default().samples_per_texel)]
     rays: u32,
@@ -42,6 +45,8 @@ pub(crate) struct Arguments {
 /// Sets of directions.
 #[derive(Clone, Copy, ValueEnum)]
 pub(crate) enum Directions {
+    /// 31 × 31 up to 75 degrees, for drafts
+    Sparse31,
     /// 81 × 81 up to 75 degrees, as UBO2003 and ATRIUM
     Bonn81,
     /// 151 × 151 up to 75 degrees, as UBO2014
@@ -49,8 +54,9 @@ pub(crate) enum Directions {
 }
 
 impl Directions {
-    fn sampling(self) -> Sampling {
+    pub(crate) fn sampling(self) -> Sampling {
         match self {
+            Directions::Sparse31 => Sampling::Sparse31,
             Directions::Bonn81 => Sampling::Bonn81,
             Directions::Ubo151 => Sampling::Ubo151,
         }
@@ -68,7 +74,7 @@ fn examples() -> String {
         .map(|material| format!("  {:width$}  {}\n", material.name, material.description));
     format!(
         "Materials:\n{}\nExamples:\n  eigentile synth leather -o leather.npy\n  \
-         eigentile synth cloth -o small.npy --size 64 --seed 7\n  \
+         eigentile synth cloth -o small.npy --size 64 --seed 7 --variant 12\n  \
          eigentile synth gravel -o gravel.npy --sampling ubo151 --json",
         list.collect::<String>()
     )
@@ -81,6 +87,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         views: directions.clone(),
         lights: directions,
         seed: arguments.seed,
+        style: Style::variant(arguments.variant),
         samples_per_texel: arguments.rays,
         interreflection: !arguments.no_interreflection,
         ..SynthOptions::default()

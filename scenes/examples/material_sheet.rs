@@ -1,7 +1,9 @@
 //! Contact sheets of the procedural materials, as PNG files.
 //!
 //!     cargo run -p scenes --example material_sheet -- OUT_DIR [--size N] [--seed N] [--threads N] [--measure]
-//!         [MATERIAL ...]
+//!         [--variants N] [MATERIAL ...]
+//!
+//! With --variants: variants.png, the first N variants of the materials in turn, ten in a row.
 //!
 //! With --measure: no pictures; all 81×81 directions are traced and thrown away, and the speed is printed.
 //!
@@ -10,7 +12,7 @@
 //! above, from the right, from the top of the picture (θ 60°), and from the left (75°); the lower row has the light
 //! from the top right at 45° and views from the right at 30, 60 and 75°, and from the top of the picture at 75°.
 
-use scenes::synth::{SynthOptions, materials, synthesize};
+use scenes::synth::{Style, SynthOptions, materials, synthesize};
 use std::path::PathBuf;
 use tileset::Direction;
 
@@ -26,7 +28,7 @@ fn degrees(theta: f64, phi: f64) -> Direction {
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut options = SynthOptions::default();
-    let (mut folder, mut names, mut measuring) = (None, Vec::new(), false);
+    let (mut folder, mut names, mut measuring, mut variants) = (None, Vec::new(), false, 0);
     let mut arguments = std::env::args().skip(1);
     while let Some(argument) = arguments.next() {
         match argument.as_str() {
@@ -35,6 +37,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             "--threads" => {
                 options.threads = Some(arguments.next().ok_or("--threads needs a number")?.parse()?)
             }
+            "--variants" => variants = arguments.next().ok_or("--variants needs a number")?.parse()?,
             "--measure" => measuring = true,
             _ if folder.is_none() => folder = Some(PathBuf::from(argument)),
             _ => names.push(argument),
@@ -49,6 +52,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         return measure(&names, &options);
     }
     std::fs::create_dir_all(&folder)?;
+    if variants > 0 {
+        return sheet_of_variants(variants, &names, &options, &folder.join("variants.png"));
+    }
     options.views = vec![
         degrees(0.0, 0.0),
         degrees(30.0, 0.0),
@@ -93,6 +99,42 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         );
     }
     Ok(())
+}
+
+/// The first `count` variants, seen from straight above under a slanted light.
+fn sheet_of_variants(
+    count: u32,
+    names: &[String],
+    options: &SynthOptions,
+    path: &std::path::Path,
+) -> Result<(), Box<dyn std::error::Error>> {
+    let size = options.size;
+    let mut sheet = image::RgbImage::new(10 * size, count.div_ceil(10) * size);
+    for number in 0..count {
+        let options = SynthOptions {
+            seed: u64::from(number) + 1,
+            style: Style::variant(number),
+            views: vec![degrees(0.0, 0.0)],
+            lights: vec![degrees(45.0, 120.0)],
+            ..options.clone()
+        };
+        let (left, top) = (number % 10 * size, number / 10 * size);
+        let mut sink = |_view: usize, block: &[half::f16]| {
+            for (at, (x, y)) in (0..size).flat_map(|y| (0..size).map(move |x| (x, y))).enumerate() {
+                let plane = (size * size) as usize;
+                let pixel = [0, 1, 2].map(|c| display(block[c * plane + at].to_f32() * 1.4));
+                sheet.put_pixel(left + x, top + y, image::Rgb(pixel));
+            }
+            Ok(())
+        };
+        synthesize(
+            &names[number as usize % names.len()],
+            &options,
+            &mut sink,
+            &|_, _| (),
+        )?;
+    }
+    Ok(sheet.save(path)?)
 }
 
 /// Traces everything that the default sampling has, for the speed alone.

@@ -5,16 +5,21 @@
 //! - [`camera`] and [`camera_path`]: cameras and recorded camera paths.
 //! - [`tangents`]: normals and tangents for meshes that lack them.
 //! - [`showcase`]: the scene of the demo, built in code and written as glTF.
+//! - [`paper`] (feature `synth`): the six scenes that the paper measures, rebuilt.
 //! - [`synth`] (feature `synth`): procedural materials with real meso-geometry, ray traced to BTFs.
 //!
 //! Nothing here draws: the engine does.
 
+mod builder;
 pub mod camera;
 pub mod camera_path;
 mod error;
 mod file;
 pub mod gltf;
+#[cfg(feature = "synth")]
+pub mod paper;
 pub mod scene;
+mod shapes;
 pub mod showcase;
 #[cfg(feature = "synth")]
 pub mod synth;

@@ -99,7 +99,10 @@ struct Statistics {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
-    let scene = scenes::gltf::load(&arguments.scene)?;
+    let scenes::gltf::Loaded { scene, notes } = scenes::gltf::open(&arguments.scene)?;
+    if !arguments.json {
+        notes.iter().for_each(|note| eprintln!("note: {note}"));
+    }
     let cameras = cameras(arguments, &scene)?;
     let tiles = arguments
         .tiles

@@ -6,6 +6,9 @@ use gltf::json::{Index, Root};
 
 use super::{Detail, MAX_ELEMENTS};
 
+/// Most elements of an accessor that no bytes stand behind: sparse ones without a buffer view, which start as zeros.
+const MAX_ZEROS: usize = 1 << 20;
+
 /// Reads accessors, and counts what has been read against [`MAX_ELEMENTS`].
 pub(super) struct Reader<'a> {
     pub(super) root: &'a Root,
@@ -27,7 +30,8 @@ impl<'a> Elements<'a> {
 }
 
 impl<'a> Reader<'a> {
-    /// All elements of an accessor of `N` floats each, or of normalized integers, as floats.
+    /// All elements of an accessor of `N` floats each, or of integers, as floats; values need not be finite. Integers
+    /// that are not normalized are those of KHR_mesh_quantization.
     pub(super) fn floats<const N: usize>(
         &mut self,
         index: Index<Accessor>,
@@ -45,11 +49,14 @@ impl<'a> Reader<'a> {
 
     fn read_floats<const N: usize>(&mut self, index: Index<Accessor>) -> Detail<Vec<[f32; N]>> {
         let (accessor, component) = self.accessor::<N>(index)?;
-        if component != ComponentType::F32 && (!accessor.normalized || component == ComponentType::U32) {
-            return Err("must be floats, or integers of 8 or 16 bits that are normalized".into());
+        if component == ComponentType::U32 {
+            return Err("must be floats, or integers of 8 or 16 bits".into());
         }
+        let normalized = accessor.normalized;
         let decode = |element: &[u8]| -> [f32; N] {
-            std::array::from_fn(|lane| decode_float(component, &element[lane * component.size()..]))
+            std::array::from_fn(|lane| {
+                decode_float(component, normalized, &element[lane * component.size()..])
+            })
         };
         let count = accessor.count.0 as usize;
         let mut values = match accessor.buffer_view {
@@ -57,8 +64,13 @@ impl<'a> Reader<'a> {
                 let elements = self.elements(accessor, component.size() * N)?;
                 (0..count).map(|at| decode(elements.get(at))).collect()
             }
-            None if accessor.sparse.is_some() => vec![[0.0; N]; count],
-            None => return Err("has no bufferView".into()),
+            None if accessor.sparse.is_some() && count <= MAX_ZEROS => vec![[0.0; N]; count],
+            None if accessor.sparse.is_some() => {
+                return Err(format!(
+                    "{count} elements without a bufferView; at most {MAX_ZEROS} are zeros changed by sparse ones"
+                ));
+            }
+            None => return Err(format!("has no bufferView; {}", super::UNPACK)),
         };
         if let Some(sparse) = &accessor.sparse {
             let changed = self.view(
@@ -73,12 +85,6 @@ impl<'a> Reader<'a> {
                     .ok_or_else(|| format!("sparse index {target} is beyond its {count} elements"))? =
                     decode(changed.get(at));
             }
-        }
-        if let Some(at) = values
-            .iter()
-            .position(|value| value.iter().any(|lane| !lane.is_finite()))
-        {
-            return Err(format!("element {at} is not finite: repair the mesh"));
         }
         Ok(values)
     }
@@ -127,7 +133,9 @@ impl<'a> Reader<'a> {
     }
 
     fn elements(&self, accessor: &Accessor, size: usize) -> Detail<Elements<'a>> {
-        let view = accessor.buffer_view.ok_or("has no bufferView")?;
+        let view = accessor
+            .buffer_view
+            .ok_or_else(|| format!("has no bufferView; {}", super::UNPACK))?;
         self.view(
             view,
             accessor.byte_offset.unwrap_or_default().0,
@@ -193,16 +201,21 @@ impl<'a> Reader<'a> {
     }
 }
 
-/// Normalized integers become floats as glTF 2.0, section 3.6.2.2 says.
-fn decode_float(component: ComponentType, bytes: &[u8]) -> f32 {
-    match component {
-        ComponentType::I8 => (f32::from(bytes[0] as i8) / 127.0).max(-1.0),
-        ComponentType::U8 => f32::from(bytes[0]) / 255.0,
-        ComponentType::I16 => (f32::from(i16::from_le_bytes([bytes[0], bytes[1]])) / 32767.0).max(-1.0),
-        ComponentType::U16 => f32::from(u16::from_le_bytes([bytes[0], bytes[1]])) / 65535.0,
+/// Normalized integers become floats as glTF 2.0, section 3.6.2.2 says; others keep their value.
+fn decode_float(component: ComponentType, normalized: bool, bytes: &[u8]) -> f32 {
+    let (value, largest) = match component {
+        ComponentType::I8 => (f32::from(bytes[0] as i8), 127.0),
+        ComponentType::U8 => (f32::from(bytes[0]), 255.0),
+        ComponentType::I16 => (f32::from(i16::from_le_bytes([bytes[0], bytes[1]])), 32767.0),
+        ComponentType::U16 => (f32::from(u16::from_le_bytes([bytes[0], bytes[1]])), 65535.0),
         ComponentType::U32 | ComponentType::F32 => {
-            f32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]])
+            return f32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]);
         }
+    };
+    if normalized {
+        (value / largest).max(-1.0)
+    } else {
+        value
     }
 }
 

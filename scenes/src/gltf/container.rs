@@ -5,7 +5,7 @@ use std::path::{Component, Path, PathBuf};
 
 use gltf::json::Root;
 
-use super::{Detail, ENVIRONMENT_EXTENSION, MATERIAL_EXTENSION, MAX_BYTES};
+use super::{Detail, ENVIRONMENT_EXTENSION, MATERIAL_EXTENSION, MAX_BYTES, UNPACK};
 use crate::{Error, Result, file};
 
 /// A parsed file and its buffers' bytes.
@@ -14,8 +14,21 @@ pub(super) struct Container {
     pub(super) buffers: Vec<Vec<u8>>,
 }
 
-/// Extensions that a file may require.
-const KNOWN_EXTENSIONS: [&str; 3] = [MATERIAL_EXTENSION, ENVIRONMENT_EXTENSION, "KHR_lights_punctual"];
+/// Extensions that a file may require and that are read.
+const KNOWN_EXTENSIONS: [&str; 4] = [
+    MATERIAL_EXTENSION,
+    ENVIRONMENT_EXTENSION,
+    "KHR_lights_punctual",
+    "KHR_mesh_quantization",
+];
+/// Beginnings of the names of extensions that say how textures and other materials look, which are not shown anyway.
+const LOOKS: [&str; 3] = ["KHR_materials_", "KHR_texture_", "EXT_texture_"];
+/// Extensions that compress meshes.
+const COMPRESSION: [&str; 3] = [
+    "KHR_draco_mesh_compression",
+    "EXT_meshopt_compression",
+    "KHR_meshopt_compression",
+];
 
 impl Container {
     pub(super) fn read(path: &Path) -> Result<Self> {
@@ -37,7 +50,11 @@ impl Container {
             )));
         }
         for required in &root.extensions_required {
-            if !KNOWN_EXTENSIONS.contains(&required.as_str()) {
+            if COMPRESSION.contains(&required.as_str()) {
+                return Err(invalid(format!("requires the extension {required}; {UNPACK}")));
+            }
+            let read = KNOWN_EXTENSIONS.contains(&required.as_str());
+            if !read && !LOOKS.iter().any(|look| required.starts_with(look)) {
                 return Err(invalid(format!(
                     "requires the extension {required}; export the scene without it"
                 )));

@@ -9,16 +9,35 @@ use gltf::json::{Index, Root};
 
 use super::accessor::Reader;
 use super::container::Container;
+use super::notes::Notes;
 use super::{Detail, MAX_INSTANCES, geometry, look};
 use crate::{Error, Instance, Mesh, Result, Scene};
+
+/// A scene from a file.
+#[derive(Clone, Debug)]
+pub struct Loaded {
+    /// The scene.
+    pub scene: Scene,
+    /// What of the file is not shown or was mended, in one line each; at most [`super::MAX_NOTES`].
+    pub notes: Vec<String>,
+}
+
+/// Loads the default scene of a file, or its first; [`open`] without its notes.
+///
+/// # Errors
+/// As [`open`].
+pub fn load(path: &Path) -> Result<Scene> {
+    open(path).map(|loaded| loaded.scene)
+}
 
 /// Loads the default scene of a file, or its first.
 ///
 /// # Errors
 /// [`Error::Io`], or [`Error::Invalid`] that says what is wrong, where, and what to do: damaged files, indices
-/// and offsets out of range, values that are not finite, buffers outside the scene's folder, extensions and
-/// kinds of primitives and lights that are not drawn, more than the limits of this module.
-pub fn load(path: &Path) -> Result<Scene> {
+/// and offsets out of range, transforms and colours that are not finite, buffers outside the scene's folder, compressed
+/// meshes and other extensions that the file requires, more than the limits of this module. Meshes with numbers that
+/// are not finite are mended, and what is not drawn is left out, both with a note.
+pub fn open(path: &Path) -> Result<Loaded> {
     let container = Container::read(path)?;
     build(&container).map_err(|detail| Error::Invalid {
         path: path.into(),
@@ -26,7 +45,7 @@ pub fn load(path: &Path) -> Result<Scene> {
     })
 }
 
-fn build(container: &Container) -> Detail<Scene> {
+fn build(container: &Container) -> Detail<Loaded> {
     let root = &container.root;
     let (at, chosen) = match root.scene {
         Some(index) => (index.value(), root.get(index)),
@@ -47,11 +66,16 @@ fn build(container: &Container) -> Detail<Scene> {
         primitives: BTreeMap::new(),
         mirrors: BTreeMap::new(),
         cameras: Vec::new(),
+        notes: Notes::default(),
     };
+    builder.notes.survey(root);
     look::environment(chosen, &mut builder.scene)?;
     builder.walk(&chosen.nodes)?;
     let Builder {
-        mut scene, cameras, ..
+        mut scene,
+        cameras,
+        notes,
+        ..
     } = builder;
     let bounds = scene.bounds();
     scene.cameras = cameras
@@ -60,7 +84,10 @@ fn build(container: &Container) -> Detail<Scene> {
             look::camera(perspective, *world, bounds).map_err(|detail| format!("nodes[{node}]: {detail}"))
         })
         .collect::<Detail<_>>()?;
-    Ok(scene)
+    Ok(Loaded {
+        scene,
+        notes: notes.finish(),
+    })
 }
 
 struct Builder<'a> {
@@ -73,6 +100,7 @@ struct Builder<'a> {
     mirrors: BTreeMap<usize, usize>,
     /// Cameras wait for the scene's bounds, which tell how far away their target is.
     cameras: Vec<(usize, &'a gltf::json::camera::Perspective, Affine3A)>,
+    notes: Notes,
 }
 
 impl<'a> Builder<'a> {
@@ -114,7 +142,7 @@ impl<'a> Builder<'a> {
 
     fn visit(&mut self, at: usize, node: &'a Node, world_from_node: Affine3A) -> Detail<()> {
         if let Some(mesh) = node.mesh {
-            self.place(mesh, world_from_node)?;
+            self.place(at, mesh, world_from_node)?;
         }
         if let Some(extension) = node
             .extensions
@@ -123,26 +151,39 @@ impl<'a> Builder<'a> {
         {
             let light = self.root.get(extension.light);
             let light = light.ok_or_else(|| format!("there is no light {}", extension.light.value()))?;
-            self.scene.lights.push(look::light(light, world_from_node)?);
+            match look::light(light, world_from_node)? {
+                Some(light) => self.scene.lights.push(light),
+                None => self.notes.add(format!(
+                    "nodes[{at}]: its spot light is not drawn; directional and point lights are"
+                )),
+            }
         }
         if let Some(index) = node.camera {
             let camera = self
                 .root
                 .get(index)
                 .ok_or_else(|| format!("there is no cameras[{}]", index.value()))?;
-            if let Some(perspective) = &camera.perspective {
-                self.cameras.push((at, perspective, world_from_node));
+            match &camera.perspective {
+                Some(perspective) => self.cameras.push((at, perspective, world_from_node)),
+                None => self.notes.add(format!(
+                    "nodes[{at}]: its camera is not perspective; it is left out"
+                )),
             }
         }
         Ok(())
     }
 
-    fn place(&mut self, index: Index<gltf::json::Mesh>, world_from_node: Affine3A) -> Detail<()> {
+    fn place(&mut self, at: usize, index: Index<gltf::json::Mesh>, world_from_node: Affine3A) -> Detail<()> {
         let determinant = world_from_node.matrix3.determinant();
-        if determinant == 0.0 || !determinant.is_finite() {
-            return Err(
-                "its scale is zero along some axis: remove the node, or give it some thickness".into(),
-            );
+        if !determinant.is_finite() {
+            return Err("its scale is so large that volumes are not finite".into());
+        }
+        if determinant == 0.0 {
+            // How many programs hide things.
+            self.notes.add(format!(
+                "nodes[{at}]: its scale is zero along some axis; its mesh is left out"
+            ));
+            return Ok(());
         }
         for mesh in self.meshes(index)? {
             if self.scene.instances.len() >= MAX_INSTANCES {
@@ -184,7 +225,15 @@ impl<'a> Builder<'a> {
                 Some(material) => material.value(),
                 None => look::default_material(self.root.materials.len(), &mut self.scene.materials),
             };
-            let mesh = geometry::mesh(&mut self.reader, primitive, material).map_err(named)?;
+            if let Some(what) = geometry::undrawn(primitive) {
+                self.notes.add(named(format!(
+                    "is drawn as {what}; only triangles, strips and fans are shown"
+                )));
+                continue;
+            }
+            let notes = &mut self.notes;
+            let mut note = |what| notes.add(named(what));
+            let mesh = geometry::mesh(&mut self.reader, primitive, material, &mut note).map_err(named)?;
             if !mesh.indices.is_empty() {
                 self.scene.meshes.push(mesh);
                 meshes.push(self.scene.meshes.len() - 1);
@@ -207,7 +256,8 @@ impl<'a> Builder<'a> {
 fn transform(node: &Node) -> Detail<Affine3A> {
     if let Some(matrix) = node.matrix {
         let matrix = Mat4::from_cols_array(&matrix);
-        if matrix.row(3) != glam::Vec4::W {
+        // Products of matrices in f32 leave a little.
+        if !matrix.row(3).abs_diff_eq(glam::Vec4::W, 1e-4) {
             return Err("the last row of its matrix is not 0 0 0 1".into());
         }
         return Ok(Affine3A::from_mat4(matrix));

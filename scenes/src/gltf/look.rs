@@ -109,23 +109,24 @@ pub(super) fn environment(form: &gltf::json::Scene, scene: &mut Scene) -> Detail
     Ok(())
 }
 
-pub(super) fn light(form: &LightForm, world_from_node: Affine3A) -> Detail<Light> {
+/// `None` for spot lights, which are not drawn.
+pub(super) fn light(form: &LightForm, world_from_node: Affine3A) -> Detail<Option<Light>> {
     let strength = colour("its light", form.color.map(|channel| channel * form.intensity))?;
     match form.type_ {
         Checked::Valid(Type::Directional) => {
             // Shines along -z of the node, whatever its scale.
             let to_light = world_from_node.transform_vector3(Vec3::Z).try_normalize();
             let to_light = to_light.ok_or("its light has no direction: the node's scale is zero")?;
-            Ok(Light::Directional {
+            Ok(Some(Light::Directional {
                 to_light,
                 irradiance: strength,
-            })
+            }))
         }
-        Checked::Valid(Type::Point) => Ok(Light::Point {
+        Checked::Valid(Type::Point) => Ok(Some(Light::Point {
             position: world_from_node.translation.into(),
             intensity: strength,
-        }),
-        Checked::Valid(Type::Spot) => Err("spot lights are not drawn: make it a point light".into()),
+        })),
+        Checked::Valid(Type::Spot) => Ok(None),
         Checked::Invalid => {
             Err("its light has an unknown type: only directional and point lights are drawn".into())
         }

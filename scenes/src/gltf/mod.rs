@@ -1,5 +1,7 @@
 //! Scenes from glTF 2.0 files (`.gltf` with external or embedded buffers, `.glb`), and scenes written as such.
 //!
+//! [`load()`] gives the scene alone, [`open`] also says what of the file is not shown, or was mended.
+//!
 //! What is read: the default scene's nodes, triangle meshes, materials, perspective cameras, directional and
 //! point lights (KHR_lights_punctual), and the extensions `EIGENTILE_materials_btf` and
 //! `EIGENTILE_environment`; docs/scenes.md describes them. Textures, skins, morph targets and animations are
@@ -15,11 +17,13 @@ mod container;
 mod geometry;
 mod load;
 mod look;
+mod notes;
 #[cfg(test)]
 mod tests;
 mod write;
 
-pub use load::load;
+pub use load::{Loaded, load, open};
+pub use notes::MAX_NOTES;
 pub use write::save;
 
 /// Largest accepted size of a scene's files together, bytes.
@@ -33,6 +37,10 @@ pub const MAX_INSTANCES: usize = 1 << 20;
 pub const MATERIAL_EXTENSION: &str = "EIGENTILE_materials_btf";
 /// Name of the extension of scenes that gives the surroundings.
 pub const ENVIRONMENT_EXTENSION: &str = "EIGENTILE_environment";
+
+/// What to do about meshes in a form that is not read.
+const UNPACK: &str =
+    "compressed meshes are not read: export the scene without compression, as Blender's exporter can";
 
 /// What is wrong and where, before the file's name is added.
 type Detail<T> = std::result::Result<T, String>;

@@ -6,7 +6,7 @@ use glam::{Vec2, Vec3};
 use proptest::prelude::*;
 use serde_json::{Value, json};
 
-use super::load;
+use super::{Loaded, load, open};
 use crate::{Error, Light, Scene, Surface};
 
 /// A triangle with indices in 8 bits and texture coordinates in normalized 16 bits, all in one buffer:
@@ -179,7 +179,6 @@ fn damage_is_named() {
         ("/scenes/0/nodes", json!([9]), "nodes[9]"),
         ("/nodes/3/children", json!([0]), "its own ancestor"),
         ("/nodes/1/mesh", json!(7), "meshes[7]"),
-        ("/nodes/1/scale", json!([1, 0, 1]), "nodes[1]: its scale is zero"),
         ("/nodes/3/rotation", json!([0, 0, 0, 0]), "quaternion"),
         ("/nodes/0/translation", json!([1e38, 1e38, 3.5e38]), "not"),
         (
@@ -188,18 +187,12 @@ fn damage_is_named() {
             "no light 1",
         ),
         (
-            "/extensions/KHR_lights_punctual/lights/0/type",
-            json!("spot"),
-            "spot lights are not drawn",
-        ),
-        (
             "/extensions/KHR_lights_punctual/lights/0/intensity",
             json!(-1),
             "not negative",
         ),
         ("/nodes/2/camera", json!(5), "cameras[5]"),
         ("/cameras/0/perspective/yfov", json!(9), "field of view"),
-        ("/meshes/0/primitives/0/mode", json!(1), "Lines"),
         ("/meshes/0/primitives/0/material", json!(3), "materials[3]"),
         (
             "/meshes/0/primitives/0/attributes/POSITION",
@@ -237,6 +230,18 @@ fn damage_is_named() {
         ("/accessors/0/byteOffset", json!(u64::MAX), "reach beyond"),
         ("/accessors/0/bufferView", json!(6), "no bufferViews[6]"),
         ("/accessors/0/componentType", json!(5125), "floats"),
+        (
+            "/accessors/0",
+            json!({ "componentType": 5126, "type": "VEC3", "count": 3 }),
+            "without compression",
+        ),
+        (
+            "/accessors/0",
+            json!({ "componentType": 5126, "type": "VEC3", "count": 1 << 24, "sparse": {
+                "count": 1, "indices": { "bufferView": 2, "componentType": 5121 }, "values": { "bufferView": 0 },
+            } }),
+            "elements without a bufferView",
+        ),
         ("/accessors/1/count", json!(2), "POSITION has 3"),
         ("/accessors/2/componentType", json!(5126), "reach beyond"),
         ("/bufferViews/0/byteLength", json!(52), "beyond the 51"),
@@ -269,10 +274,23 @@ fn damage_is_named() {
         );
         assert_eq!(message.lines().count(), 1);
     }
-    let mut required = document();
-    required["extensionsRequired"] = json!(["KHR_draco_mesh_compression"]);
-    let (_folder, path) = written(&required);
-    assert!(complaint(&path).contains("requires the extension KHR_draco_mesh_compression"));
+    for (extension, advice) in [
+        (
+            "KHR_draco_mesh_compression",
+            "export the scene without compression",
+        ),
+        ("EXT_meshopt_compression", "export the scene without compression"),
+        ("KHR_something_new", "export the scene without it"),
+    ] {
+        let mut required = document();
+        required["extensionsRequired"] = json!([extension]);
+        let (_folder, path) = written(&required);
+        let message = complaint(&path);
+        assert!(
+            message.contains(extension) && message.contains(advice),
+            "{message}"
+        );
+    }
 }
 
 #[cfg(unix)]
@@ -288,12 +306,89 @@ fn a_link_does_not_lead_out_of_the_folder() {
 }
 
 #[test]
-fn values_that_are_not_finite_are_refused() {
-    let (folder, path) = written(&document());
-    let mut damaged = bytes();
-    damaged[12..16].copy_from_slice(&f32::NAN.to_le_bytes());
-    std::fs::write(folder.path().join("triangle.bin"), damaged).unwrap();
-    assert!(complaint(&path).contains("POSITION (accessors[0]): element 1 is not finite"));
+fn a_triangle_with_a_position_that_is_not_finite_is_left_out() {
+    for value in [f32::NAN, f32::INFINITY, -1e30] {
+        let (folder, path) = written(&document());
+        let mut damaged = bytes();
+        damaged[12..16].copy_from_slice(&value.to_le_bytes());
+        std::fs::write(folder.path().join("triangle.bin"), damaged).unwrap();
+        let Loaded { scene, notes } = open(&path).unwrap();
+        assert_eq!(scene.triangle_count(), 0);
+        assert_eq!(notes.len(), 2, "one for each primitive: {notes:?}");
+        assert!(
+            notes[0].starts_with("meshes[0].primitives[0]: 1 positions are not finite"),
+            "{notes:?}"
+        );
+        assert!(
+            notes[0].ends_with("1 of its 1 triangles are left out"),
+            "{notes:?}"
+        );
+    }
+}
+
+/// What is not drawn is said, and the rest is drawn.
+#[test]
+fn what_is_left_out_is_noted() {
+    for (pointer, value, expected, instances) in [
+        (
+            "/nodes/1/scale",
+            json!([1, 0, 1]),
+            "nodes[1]: its scale is zero",
+            2,
+        ),
+        (
+            "/extensions/KHR_lights_punctual/lights/0/type",
+            json!("spot"),
+            "nodes[3]: its spot light is not drawn",
+            4,
+        ),
+        (
+            "/meshes/0/primitives/0/mode",
+            json!(1),
+            "meshes[0].primitives[0]: is drawn as lines",
+            2,
+        ),
+        (
+            "/cameras/0",
+            json!({ "type": "orthographic", "orthographic": { "xmag": 1, "ymag": 1, "zfar": 9, "znear": 0 } }),
+            "nodes[2]: its camera is not perspective",
+            4,
+        ),
+        (
+            "/materials/0/alphaMode",
+            json!("BLEND"),
+            "1 materials are transparent",
+            4,
+        ),
+        (
+            "/meshes/0/primitives/0/targets",
+            json!([{ "POSITION": 0 }]),
+            "1 primitives have morph targets",
+            4,
+        ),
+    ] {
+        let mut changed = document();
+        match changed.pointer_mut(pointer) {
+            Some(place) => *place = value,
+            None => {
+                let (parent, key) = pointer.rsplit_once('/').unwrap();
+                changed.pointer_mut(parent).unwrap()[key] = value;
+            }
+        }
+        let (_folder, path) = written(&changed);
+        let Loaded { scene, notes } = open(&path).unwrap();
+        assert!(
+            notes.iter().any(|note| note.starts_with(expected)),
+            "{pointer}: {notes:?}"
+        );
+        assert_eq!(
+            (scene.instances.len(), notes.len()),
+            (instances, 1),
+            "{pointer}: {notes:?}"
+        );
+    }
+    let (_folder, path) = written(&document());
+    assert_eq!(open(&path).unwrap().notes, [""; 0]);
 }
 
 #[test]

@@ -42,7 +42,14 @@ pub fn save(scene: &Scene, path: &Path) -> Result<()> {
         });
     }
     for (index, camera) in scene.cameras.iter().enumerate() {
-        let matrix = camera.view_from_world().inverse().to_cols_array();
+        let basis = camera.basis();
+        let matrix = Mat4::from_cols(
+            basis.right.extend(0.0),
+            basis.up.extend(0.0),
+            (-basis.forward).extend(0.0),
+            camera.eye.extend(1.0),
+        )
+        .to_cols_array();
         nodes.push(json!({ "camera": index, "matrix": matrix }));
     }
     let mut document = json!({

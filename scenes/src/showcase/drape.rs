@@ -6,8 +6,8 @@
 
 use glam::{Vec2, Vec3};
 
-use super::surfaces::cells;
 use crate::Mesh;
+use crate::shapes::cells;
 
 /// The ball under the cloth, metres.
 pub(super) const BALL_CENTRE: Vec3 = Vec3::new(0.0, 0.33, 0.0);

@@ -7,11 +7,12 @@ mod surfaces;
 
 use std::path::{Path, PathBuf};
 
-use glam::{Affine3A, Quat, Vec2, Vec3};
+use glam::Vec3;
 
 pub use flight::flight;
 
-use crate::{Camera, Instance, Light, Material, Mesh, Result, Scene, Surface, gltf};
+use crate::builder::{Builder, at, direction};
+use crate::{Camera, Light, Result, Scene, gltf};
 
 /// Archives that the scene names, each also the name of the procedural material that fills it.
 pub const ARCHIVES: [&str; 4] = ["cloth", "wool", "leather", "gravel"];
@@ -100,52 +101,6 @@ pub fn swatch(archive: &str) -> Scene {
         near: 0.05,
     }];
     scene
-}
-
-#[derive(Default)]
-struct Builder {
-    scene: Scene,
-}
-
-impl Builder {
-    fn material(&mut self, archive: &str, repeats: f32) -> usize {
-        let name = if repeats == 1.0 {
-            archive.into()
-        } else {
-            format!("{archive} x{repeats}")
-        };
-        let surface = Surface::Btf {
-            archive: archive.into(),
-            uv_scale: Vec2::splat(repeats),
-            uv_offset: Vec2::ZERO,
-        };
-        self.scene.materials.push(Material { name, surface });
-        self.scene.materials.len() - 1
-    }
-
-    fn place(&mut self, mut mesh: Mesh, material: usize, world_from_mesh: Affine3A) {
-        mesh.material = material;
-        self.scene.meshes.push(mesh);
-        self.scene.instances.push(Instance {
-            mesh: self.scene.meshes.len() - 1,
-            world_from_mesh,
-        });
-    }
-}
-
-/// A place on the ground, turned about the vertical by `turn` radians.
-fn at(position: Vec3, turn: f32) -> Affine3A {
-    Affine3A::from_rotation_translation(Quat::from_rotation_y(turn), position)
-}
-
-/// Unit vector at an elevation above the horizon, towards the left (-x) and by an angle to the front (+z).
-fn direction(elevation_degrees: f32, front_degrees: f32) -> Vec3 {
-    let (elevation, front) = (elevation_degrees.to_radians(), front_degrees.to_radians());
-    Vec3::new(
-        -elevation.cos() * front.cos(),
-        elevation.sin(),
-        elevation.cos() * front.sin(),
-    )
 }
 
 #[cfg(test)]

@@ -11,6 +11,7 @@
 //! - `volume`, `distances`, `march`: the solid as a periodic grid of signed distances, and rays through it.
 //! - `surface`, `bounce`: the cells of the surface, their visible lights, and light by way of other cells.
 //! - `reflectance`: the diffuse and glossy reflectance, for all lights at once.
+//! - [`Style`]: colour, gloss, relief and pattern, so that one kind of material is many.
 //! - `materials`: the materials; `noise`, `random`, `strands`: what they are made from.
 //!
 //! Deliberately left out: translucency, more than one bounce, and lights of finite size.
@@ -27,6 +28,7 @@ mod random;
 mod reflectance;
 pub mod sampling;
 mod strands;
+mod style;
 mod surface;
 mod synthesize;
 mod volume;
@@ -34,4 +36,5 @@ mod volume;
 pub use materials::{MaterialDescription, materials};
 pub use options::{MAX_BLOCK_BYTES, MAX_SAMPLES_PER_TEXEL, MAX_SIZE, SynthOptions};
 pub use sampling::Sampling;
+pub use style::{PATTERNS, Style};
 pub use synthesize::{SynthReport, synthesize};

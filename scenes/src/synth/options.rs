@@ -23,6 +23,8 @@ pub struct SynthOptions {
     pub lights: Vec<Direction>,
     /// Which one of all materials of this kind.
     pub seed: u64,
+    /// Its pattern, colours, gloss and relief.
+    pub style: super::Style,
     /// Rays through each texel, 1 to [`MAX_SAMPLES_PER_TEXEL`].
     pub samples_per_texel: u32,
     /// Adds the light that arrives by way of one other point of the surface.
@@ -32,13 +34,14 @@ pub struct SynthOptions {
 }
 
 impl Default for SynthOptions {
-    /// 256 texels, 81 views and lights, seed 1, four rays per texel, with interreflection.
+    /// 256 texels, 81 views and lights, seed 1, plain style, four rays per texel, with interreflection.
     fn default() -> SynthOptions {
         SynthOptions {
             size: 256,
             views: super::Sampling::Bonn81.directions(),
             lights: super::Sampling::Bonn81.directions(),
             seed: 1,
+            style: super::Style::default(),
             samples_per_texel: 4,
             interreflection: true,
             threads: None,
@@ -55,6 +58,9 @@ impl SynthOptions {
                 detail,
             })
         };
+        if let Some(problem) = self.style.problem() {
+            return invalid(format!("style: {problem}"));
+        }
         let within = |value: u64, limit: u64| (1..=limit).contains(&value);
         if !within(self.size.into(), MAX_SIZE.into()) {
             return invalid(format!("size {} texels; choose 1 to {MAX_SIZE}", self.size));

@@ -271,7 +271,9 @@ mod tests {
 
     #[test]
     fn content_does_not_depend_on_the_order_of_discovery() {
-        let material = find("gravel").unwrap()(5, 1.0 / 128.0);
+        let material = find("gravel")
+            .unwrap()
+            .make(5, 1.0 / 128.0, &crate::synth::Style::default());
         let volume = Volume::build(material.as_solid(), 128);
         let lights = Lights::new(&[Vec3::Z, Vec3::new(0.6, 0.0, 0.8)]);
         let surface = || Surface::new(&volume, &*material, &lights, None);

@@ -84,7 +84,7 @@ pub fn synthesize(
     progress: &dyn Fn(usize, usize),
 ) -> Result<SynthReport> {
     let start = Instant::now();
-    let make = materials::find(material)?;
+    let kind = materials::find(material)?;
     options.check(material)?;
     let failed = |source| Error::Io {
         path: material.into(),
@@ -98,7 +98,7 @@ pub fn synthesize(
     let (give_back, spare) = sync_channel(3);
     let mut written = Ok(());
     let mut report = std::thread::scope(|scope| {
-        let worker = scope.spawn(|| pool.install(|| trace(make, options, send, spare)));
+        let worker = scope.spawn(|| pool.install(|| trace(kind, options, send, spare)));
         for (view, block) in receive {
             written = sink(view, &block);
             if written.is_err() {
@@ -123,7 +123,7 @@ fn unit_vector(direction: &Direction) -> Vec3 {
 
 /// Traces all views; stops early when nobody takes them any more.
 fn trace(
-    make: materials::Make,
+    kind: materials::Kind,
     options: &SynthOptions,
     send: SyncSender<(usize, Vec<f16>)>,
     spare: Receiver<Vec<f16>>,
@@ -132,7 +132,7 @@ fn trace(
     let directions: Vec<Vec3> = options.lights.iter().map(unit_vector).collect();
     let lights = Lights::new(&directions);
     let voxels = (options.size * VOXELS_PER_TEXEL).clamp(MIN_VOXELS, MAX_VOXELS);
-    let material: Box<dyn Material> = make(options.seed, 1.0 / voxels as f32);
+    let material: Box<dyn Material> = kind.make(options.seed, 1.0 / voxels as f32, &options.style);
     let volume = Volume::build(material.as_solid(), voxels as usize);
     let bounce = options
         .interreflection

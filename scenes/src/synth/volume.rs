@@ -52,6 +52,8 @@ pub(super) struct Row<'a> {
     side: usize,
     depth: usize,
     bottom: f32,
+    /// Heights in the material's own numbers are this many times as high in the grid.
+    pub(super) relief: f32,
     field: &'a mut [i16],
     part: &'a mut [u16],
 }
@@ -73,7 +75,7 @@ impl Row<'_> {
         let side = self.side;
         for i in 0..side {
             let (h, part) = height((i as f32 + 0.5) / side as f32);
-            self.each(i as isize, self.bottom..f32::MAX, |z, field, id| {
+            self.each(i as isize, f32::MIN..f32::MAX, |z, field, id| {
                 let value = units(z - h, side);
                 if value < *field {
                     (*field, *id) = (value, part);
@@ -130,13 +132,13 @@ impl Row<'_> {
 
     fn each(&mut self, column: isize, z: Range<f32>, mut visit: impl FnMut(f32, &mut i16, &mut u16)) {
         let side = self.side as f32;
-        let level = |z: f32| ((z - self.bottom) * side).clamp(0.0, self.depth as f32);
+        let level = |z: f32| ((z * self.relief - self.bottom) * side).clamp(0.0, self.depth as f32);
         let (low, high) = (level(z.start).floor() as usize, level(z.end).ceil() as usize);
         let start = column.rem_euclid(self.side as isize) as usize * self.depth;
         let field = &mut self.field[start + low..start + high];
         let part = &mut self.part[start + low..start + high];
         for (k, (field, part)) in field.iter_mut().zip(part).enumerate() {
-            visit(self.bottom + (low + k) as f32 / side, field, part);
+            visit((self.bottom + (low + k) as f32 / side) / self.relief, field, part);
         }
     }
 }
@@ -177,6 +179,7 @@ impl Volume {
                     side,
                     depth,
                     bottom,
+                    relief: 1.0,
                     field,
                     part,
                 });

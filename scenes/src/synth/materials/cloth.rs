@@ -1,4 +1,5 @@
-//! Woven cloth: a tartan in 2/2 twill of spun yarns, whose fibres wind around them, with stray fibres on top.
+//! Woven cloth of spun yarns, whose fibres wind around them, with stray fibres on top: a tartan in 2/2 twill, a striped
+//! plain weave, denim, and a check.
 
 use super::{Material, bump};
 use crate::synth::noise::{Noise, smoothstep};
@@ -36,8 +37,34 @@ const SETT: [Vec3; YARNS] = [
     RUST, RUST, CREAM, NAVY,
 ];
 
+/// Whether the warp lies above at a crossing: 2/2 twill, plain weave, 1/3 twill (denim), 2/2 twill. All repeat
+/// after four yarns.
+fn warp_above(pattern: u32, warp: i32, weft: i32) -> bool {
+    let step = (warp - weft).rem_euclid(4);
+    match pattern {
+        1 => step % 2 == 0,
+        2 => step == 3,
+        _ => step < 2,
+    }
+}
+
+/// Colour of a yarn: tartan, stripes, indigo warp with pale weft, small check.
+fn yarn_colour(pattern: u32, warp: bool, index: usize) -> Vec3 {
+    match pattern {
+        1 if warp && index % 10 < 4 => RUST,
+        1 if warp && index % 10 == 7 => NAVY,
+        1 => CREAM,
+        2 if warp => NAVY * 1.6,
+        2 => CREAM,
+        3 if index % 4 < 2 => GREEN * 0.7,
+        3 => CREAM,
+        _ => SETT[index],
+    }
+}
+
 /// Woven cloth.
 pub(super) struct Cloth {
+    pattern: u32,
     path: Noise,
     fibre: Noise,
     dye: Noise,
@@ -57,7 +84,7 @@ struct Station {
 }
 
 impl Cloth {
-    pub(super) fn new(seed: u64, voxel: f32) -> Cloth {
+    pub(super) fn new(seed: u64, voxel: f32, pattern: u32) -> Cloth {
         let random = &mut Random::new(seed, "cloth");
         let (path, fibre, dye) = (Noise::new(random), Noise::new(random), Noise::new(random));
         let radius = (0.03 * PITCH).max(0.75 * voxel);
@@ -75,6 +102,7 @@ impl Cloth {
         }
         strays.finish();
         Cloth {
+            pattern,
             path,
             fibre,
             dye,
@@ -87,9 +115,8 @@ impl Cloth {
         let source = self.path.derive(2 * index as u32 + u32::from(warp));
         let wander = 0.06 * PITCH * source.plane(vec2(along * 10.0, 0.3), [10, 1]);
         let slub = 1.0 + 0.14 * source.plane(vec2(along * 14.0, 0.7), [14, 1]);
-        // Over two, under two, and one step further on each next yarn.
         let over = |crossing: i32| {
-            if (index as i32 - crossing).rem_euclid(4) < 2 {
+            if warp_above(self.pattern, index as i32, crossing) {
                 SWING
             } else {
                 -SWING
@@ -113,7 +140,7 @@ impl Cloth {
     /// Where the warp is up, the weft is down.
     fn weft_swing(&self, weft: usize, crossing: i32) -> (f32, f32) {
         let under = |warp: i32| {
-            if (warp - weft as i32).rem_euclid(4) < 2 {
+            if warp_above(self.pattern, warp, weft as i32) {
                 -SWING
             } else {
                 SWING
@@ -154,7 +181,8 @@ impl Cloth {
                 [1 << 20, 30],
             ),
         );
-        let mut color = SETT[index] * (0.82 + 0.36 * yarn) * (1.0 + 0.18 * dye + 0.34 * fibre);
+        let mut color =
+            yarn_colour(self.pattern, warp, index) * (0.82 + 0.36 * yarn) * (1.0 + 0.18 * dye + 0.34 * fibre);
         color = color.lerp(vec3(0.34, 0.31, 0.27), 0.22 * heather);
         color *= 1.0 - 0.3 * smoothstep(0.3, 1.2, below);
         let direction = if warp {
@@ -228,7 +256,8 @@ impl Material for Cloth {
             stray => {
                 let segment = (stray - usize::from(FIRST_STRAY)) as u16;
                 let strand = self.strays.segments[usize::from(segment)].strand;
-                let color = SETT[strand as usize % YARNS].lerp(vec3(0.45, 0.41, 0.35), 0.5);
+                let color = yarn_colour(self.pattern, true, strand as usize % YARNS)
+                    .lerp(vec3(0.45, 0.41, 0.35), 0.5);
                 Attributes {
                     normal,
                     tangent: self.strays.locate(segment, p).tangent,

@@ -9,12 +9,40 @@ use crate::synth::volume::{Row, Solid};
 use glam::{Mat3, Vec3, vec3};
 use std::ops::Range;
 
-/// Number of stones and range of their mean radii, in the order in which they fall.
-const FALLS: [(usize, f32, f32); 4] = [
-    (26, 0.045, 0.062),
-    (110, 0.024, 0.042),
-    (330, 0.012, 0.022),
-    (700, 0.005, 0.011),
+/// Number of stones and range of their mean radii, in the order in which they fall: of all sizes, pebbles, slabs, and
+/// grit.
+const FALLS: [[(usize, f32, f32); 4]; 4] = [
+    [
+        (26, 0.045, 0.062),
+        (110, 0.024, 0.042),
+        (330, 0.012, 0.022),
+        (700, 0.005, 0.011),
+    ],
+    [
+        (0, 0.0, 0.0),
+        (420, 0.024, 0.031),
+        (160, 0.012, 0.016),
+        (300, 0.005, 0.009),
+    ],
+    [
+        (60, 0.052, 0.07),
+        (30, 0.03, 0.042),
+        (260, 0.01, 0.016),
+        (900, 0.004, 0.008),
+    ],
+    [
+        (0, 0.0, 0.0),
+        (14, 0.02, 0.03),
+        (900, 0.013, 0.019),
+        (1500, 0.006, 0.011),
+    ],
+];
+/// Shares of granite, basalt, sandstone, jasper, quartz; the rest is slate.
+const ROCKS: [[f32; 5]; 4] = [
+    [0.30, 0.16, 0.20, 0.10, 0.10],
+    [0.15, 0.0, 0.15, 0.0, 0.70],
+    [0.05, 0.35, 0.0, 0.0, 0.05],
+    [0.05, 0.0, 0.55, 0.40, 0.0],
 ];
 /// Nothing lies higher than this.
 const HIGHEST: f32 = 0.15;
@@ -56,14 +84,15 @@ enum Rock {
 }
 
 impl Gravel {
-    pub(super) fn new(seed: u64) -> Gravel {
+    pub(super) fn new(seed: u64, pattern: u32) -> Gravel {
         let random = &mut Random::new(seed, "gravel");
         let (sand, rock) = (Noise::new(random), Noise::new(random));
         let mut ground = vec![0.0f32; GROUND * GROUND];
         let mut stones = Vec::new();
-        for (count, smallest, largest) in FALLS {
+        let pattern = pattern as usize % FALLS.len();
+        for (count, smallest, largest) in FALLS[pattern] {
             for _ in 0..count {
-                let mut stone = Stone::new(random, smallest, largest);
+                let mut stone = Stone::new(random, smallest, largest, &ROCKS[pattern]);
                 let lowest = (0..TRIALS)
                     .map(|_| vec3(random.unit(), random.unit(), 0.0))
                     .map(|place| (stone.rest(place, &ground), place))
@@ -85,7 +114,7 @@ impl Gravel {
 }
 
 impl Stone {
-    fn new(random: &mut Random, smallest: f32, largest: f32) -> Stone {
+    fn new(random: &mut Random, smallest: f32, largest: f32, rocks: &[f32; 5]) -> Stone {
         // Many small ones, few large ones.
         let radius = smallest + (largest - smallest) * random.unit().powi(2);
         let radii = vec3(
@@ -107,14 +136,20 @@ impl Stone {
             );
             (normal.normalize_or(Vec3::Z), random.range(0.62, 0.95))
         });
-        let rock = match random.unit() {
-            u if u < 0.30 => Rock::Granite,
-            u if u < 0.46 => Rock::Basalt,
-            u if u < 0.66 => Rock::Sandstone,
-            u if u < 0.76 => Rock::Jasper,
-            u if u < 0.86 => Rock::Quartz,
-            _ => Rock::Slate,
-        };
+        const NAMED: [Rock; 5] = [
+            Rock::Granite,
+            Rock::Basalt,
+            Rock::Sandstone,
+            Rock::Jasper,
+            Rock::Quartz,
+        ];
+        let drawn = random.unit();
+        let mut upper = 0.0;
+        let found = rocks.iter().position(|share| {
+            upper += share;
+            drawn < upper
+        });
+        let rock = found.map_or(Rock::Slate, |at| NAMED[at]);
         let (smallest, largest) = (radii.min_element(), radii.max_element());
         Stone {
             center: Vec3::ZERO,

@@ -9,11 +9,14 @@ use crate::synth::volume::{Row, Solid};
 use glam::{Vec2, Vec3, vec2, vec3};
 use std::ops::Range;
 
-/// Cells along a side of the patch.
-const CELLS: i32 = 17;
+/// Cells along each side of the patch: full grain, coarse grain, fine grain, and scales.
+const CELLS: [[i32; 2]; 4] = [[17, 20], [9, 11], [29, 31], [6, 9]];
 
 /// Creased leather.
 pub(super) struct Leather {
+    cells_along: [i32; 2],
+    /// Height of the cells, in that of full grain.
+    swell: f32,
     warp: Noise,
     cells: Noise,
     fine: Noise,
@@ -31,10 +34,13 @@ struct Relief {
 }
 
 impl Leather {
-    pub(super) fn new(seed: u64) -> Leather {
+    pub(super) fn new(seed: u64, pattern: u32) -> Leather {
+        let cells_along = CELLS[pattern as usize % CELLS.len()];
         let random = &mut Random::new(seed, "leather");
         let mut noise = || Noise::new(random);
         Leather {
+            cells_along,
+            swell: (CELLS[0][0] as f32 / cells_along[0] as f32).sqrt(),
             warp: noise(),
             cells: noise(),
             fine: noise(),
@@ -50,8 +56,9 @@ impl Leather {
             self.warp.fractal(q, [5, 5], 3),
             self.warp.derive(9).fractal(q, [5, 5], 3),
         );
-        let stretched = (p + 0.035 * warp) * vec2(CELLS as f32, (CELLS + 3) as f32);
-        let cell = self.cells.cells(stretched, [CELLS, CELLS + 3]);
+        let [across, up] = self.cells_along;
+        let stretched = (p + 0.035 * warp) * vec2(across as f32, up as f32);
+        let cell = self.cells.cells(stretched, self.cells_along);
         let fine = self.fine.cells((p + 0.012 * warp) * 41.0, [41, 41]);
         let wrinkle = self.wrinkles.fractal(q, [4, 4], 4);
         let ridge = 1.0
@@ -72,7 +79,8 @@ impl Leather {
         } else {
             0.0
         };
-        let height = 0.0062 * dome - 0.0040 * crease - 0.0016 * fine_crease * (0.3 + dome) + 0.010 * wrinkle
+        let height = self.swell * (0.0062 * dome - 0.0040 * crease) - 0.0016 * fine_crease * (0.3 + dome)
+            + 0.010 * wrinkle
             - 0.0065 * ridge * ridge
             - 0.005 * pore
             + 0.0022 * ((cell.id >> 8 & 255) as f32 / 255.0);

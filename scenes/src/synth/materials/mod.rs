@@ -5,9 +5,11 @@ mod gravel;
 mod leather;
 mod sponge;
 mod studs;
+mod styled;
 mod wool;
 
 use super::reflectance::Attributes;
+use super::style::Style;
 use super::volume::Solid;
 use crate::{Error, Result};
 use glam::Vec3;
@@ -29,8 +31,9 @@ pub(super) trait Material: Solid + Send {
     fn as_solid(&self) -> &dyn Solid;
 }
 
-/// Makes a material from a seed and the length of a voxel in patch widths, which the thinnest fibres heed.
-pub(super) type Make = fn(u64, f32) -> Box<dyn Material>;
+/// Makes a material from a seed, the length of a voxel in patch widths, which the thinnest fibres heed, and a
+/// pattern, below [`PATTERNS`](super::PATTERNS).
+type Make = fn(u64, f32, u32) -> Box<dyn Material>;
 
 /// Names and makers, in the same order.
 const NAMES: [MaterialDescription; 6] = [
@@ -60,12 +63,12 @@ const NAMES: [MaterialDescription; 6] = [
     },
 ];
 const MAKE: [Make; NAMES.len()] = [
-    |seed, voxel| Box::new(cloth::Cloth::new(seed, voxel)),
-    |seed, voxel| Box::new(wool::Wool::new(seed, voxel)),
-    |seed, _| Box::new(leather::Leather::new(seed)),
-    |seed, _| Box::new(sponge::Sponge::new(seed)),
-    |seed, _| Box::new(gravel::Gravel::new(seed)),
-    |seed, _| Box::new(studs::Studs::new(seed)),
+    |seed, voxel, pattern| Box::new(cloth::Cloth::new(seed, voxel, pattern)),
+    |seed, voxel, pattern| Box::new(wool::Wool::new(seed, voxel, pattern)),
+    |seed, _, pattern| Box::new(leather::Leather::new(seed, pattern)),
+    |seed, _, pattern| Box::new(sponge::Sponge::new(seed, pattern)),
+    |seed, _, pattern| Box::new(gravel::Gravel::new(seed, pattern)),
+    |seed, _, pattern| Box::new(studs::Studs::new(seed, pattern)),
 ];
 
 /// All materials that [`synthesize`](super::synthesize()) knows.
@@ -73,7 +76,28 @@ pub fn materials() -> &'static [MaterialDescription] {
     &NAMES
 }
 
-pub(super) fn find(name: &str) -> Result<Make> {
+/// One of [`materials`], to be made in any style.
+#[derive(Clone, Copy)]
+pub(super) struct Kind(Make);
+
+impl Kind {
+    /// `voxel` is the length of a voxel in patch widths.
+    pub(super) fn make(self, seed: u64, voxel: f32, style: &Style) -> Box<dyn Material> {
+        let plain = self.0(seed, voxel, style.pattern);
+        if *style
+            == (Style {
+                pattern: style.pattern,
+                ..Style::default()
+            })
+        {
+            plain
+        } else {
+            Box::new(styled::Styled::new(plain, style))
+        }
+    }
+}
+
+pub(super) fn find(name: &str) -> Result<Kind> {
     let unknown = || Error::UnknownMaterial {
         name: name.into(),
         known: NAMES.map(|m| m.name).join(", "),
@@ -81,7 +105,7 @@ pub(super) fn find(name: &str) -> Result<Make> {
     NAMES
         .iter()
         .position(|m| m.name == name)
-        .map(|n| MAKE[n])
+        .map(|n| Kind(MAKE[n]))
         .ok_or_else(unknown)
 }
 
@@ -101,7 +125,13 @@ mod tests {
 
     /// Share of the columns in which there is solid above air.
     fn overhanging(name: &str) -> f32 {
-        let volume = Volume::build(find(name).unwrap()(1, 1.0 / 128.0).as_solid(), 128);
+        let volume = Volume::build(
+            find(name)
+                .unwrap()
+                .make(1, 1.0 / 128.0, &Style::default())
+                .as_solid(),
+            128,
+        );
         let solid =
             |i: usize, k: usize| volume.nearest(vec3((i % 128) as f32, (i / 128) as f32, k as f32)) < 0.0;
         let overhangs = |i: &usize| (1..volume.depth).any(|k| solid(*i, k) && !solid(*i, k - 1));
@@ -124,15 +154,17 @@ mod tests {
 
     #[test]
     fn attributes_are_sane_everywhere() {
-        for material in materials() {
-            let made = find(material.name).unwrap()(3, 1.0 / 128.0);
+        for (number, material) in (0..24).map(|n| (n, &materials()[n as usize % 6])) {
+            let made = find(material.name)
+                .unwrap()
+                .make(3, 1.0 / 128.0, &Style::variant(number));
             let volume = Volume::build(made.as_solid(), 128);
             for n in 0..2000 {
                 let start = vec3((n * 37 % 128) as f32, (n * 53 % 1280) as f32 * 0.1, volume.top);
                 let p = volume.march(start, Vec3::NEG_Z).unwrap();
                 let normal = volume.normal(p);
                 let found = made.attributes(volume.material_from_grid(p), normal, volume.part(p));
-                let name = material.name;
+                let name = format!("{} in style {number}", material.name);
                 assert!((found.normal.length() - 1.0).abs() < 1e-3, "{name}: {found:?}");
                 assert!(
                     found.diffuse.min_element() >= 0.0 && found.diffuse.max_element() < 1.0,

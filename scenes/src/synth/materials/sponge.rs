@@ -8,12 +8,32 @@ use crate::synth::volume::{Row, Solid};
 use glam::{Mat3, Vec3, vec3};
 use std::ops::Range;
 
-/// Number of holes and range of their radii.
-const HOLES: [(usize, f32, f32); 4] = [
-    (90, 0.028, 0.052),
-    (700, 0.013, 0.027),
-    (3500, 0.006, 0.012),
-    (3500, 0.0035, 0.0055),
+/// Number of holes and range of their radii: of all sizes, only small, only large, and of one size.
+const HOLES: [[(usize, f32, f32); 4]; 4] = [
+    [
+        (90, 0.028, 0.052),
+        (700, 0.013, 0.027),
+        (3500, 0.006, 0.012),
+        (3500, 0.0035, 0.0055),
+    ],
+    [
+        (0, 0.0, 0.0),
+        (260, 0.012, 0.018),
+        (5200, 0.006, 0.011),
+        (2600, 0.004, 0.006),
+    ],
+    [
+        (150, 0.045, 0.07),
+        (90, 0.02, 0.04),
+        (500, 0.004, 0.008),
+        (0, 0.0, 0.0),
+    ],
+    [
+        (0, 0.0, 0.0),
+        (1500, 0.019, 0.023),
+        (0, 0.0, 0.0),
+        (900, 0.004, 0.006),
+    ],
 ];
 /// Depth of the deepest hole's centre.
 const DEPTH: f32 = 0.11;
@@ -36,11 +56,11 @@ struct Hole {
 }
 
 impl Sponge {
-    pub(super) fn new(seed: u64) -> Sponge {
+    pub(super) fn new(seed: u64, pattern: u32) -> Sponge {
         let random = &mut Random::new(seed, "sponge");
         let (surface, color) = (Noise::new(random), Noise::new(random));
         let mut holes = Vec::new();
-        for (count, smallest, largest) in HOLES {
+        for (count, smallest, largest) in HOLES[pattern as usize % HOLES.len()] {
             for _ in 0..count {
                 let radius = smallest + (largest - smallest) * random.unit().powi(2);
                 let mut stretch = || radius * random.range(0.72, 1.3);

@@ -1,5 +1,5 @@
-//! Studs: brass mushrooms whose caps overhang their stems, and small steel beads between them, on dark felt. No
-//! height field describes them.
+//! Studs: brass mushrooms whose caps overhang their stems, and small steel beads between them, on dark felt; wide
+//! rivets, tall pins, or steel with brass beads instead. No height field describes them.
 
 use super::{Material, bump};
 use crate::synth::noise::{Noise, smoothstep};
@@ -12,6 +12,33 @@ use std::ops::Range;
 /// Studs along a side of the patch; even, because every second row is moved by half a pitch.
 const ROWS: usize = 4;
 const FELT: u16 = 0;
+
+/// Radius, height of the rim, height of the cap above it, and radius of the stem.
+struct Shape([f32; 4]);
+
+/// Studs and beads of each pattern, and whether the studs are of brass and the beads of steel.
+const SHAPES: [(Shape, Shape, bool); 4] = [
+    (
+        Shape([0.096, 0.034, 0.044, 0.05]),
+        Shape([0.024, 0.016, 0.021, 0.018]),
+        true,
+    ),
+    (
+        Shape([0.108, 0.012, 0.022, 0.08]),
+        Shape([0.015, 0.008, 0.012, 0.011]),
+        false,
+    ),
+    (
+        Shape([0.042, 0.042, 0.038, 0.018]),
+        Shape([0.034, 0.03, 0.03, 0.016]),
+        true,
+    ),
+    (
+        Shape([0.07, 0.02, 0.058, 0.04]),
+        Shape([0.04, 0.014, 0.03, 0.028]),
+        false,
+    ),
+];
 
 /// Metal studs on felt.
 pub(super) struct Studs {
@@ -34,7 +61,8 @@ struct Stud {
 }
 
 impl Studs {
-    pub(super) fn new(seed: u64) -> Studs {
+    pub(super) fn new(seed: u64, pattern: u32) -> Studs {
+        let (Shape(stud), Shape(bead), brass) = &SHAPES[pattern as usize % SHAPES.len()];
         let random = &mut Random::new(seed, "studs");
         let (felt, metal) = (Noise::new(random), Noise::new(random));
         let pitch = 1.0 / ROWS as f32;
@@ -47,21 +75,21 @@ impl Studs {
             let place = vec2(i as f32 + 0.5 + shift, j as f32 + 0.5) * pitch;
             studs.push(Stud {
                 center: place + scatter(0.004),
-                radius: 0.096,
-                rim: 0.034,
-                dome: 0.044,
-                stem: 0.05,
+                radius: stud[0],
+                rim: stud[1],
+                dome: stud[2],
+                stem: stud[3],
                 lean: scatter(0.05),
-                brass: true,
+                brass: *brass,
             });
             studs.push(Stud {
                 center: place + vec2(0.5 * pitch, 0.0) + scatter(0.004),
-                radius: 0.024,
-                rim: 0.016,
-                dome: 0.021,
-                stem: 0.018,
+                radius: bead[0],
+                rim: bead[1],
+                dome: bead[2],
+                stem: bead[3],
                 lean: scatter(0.08),
-                brass: false,
+                brass: !*brass,
             });
         }
         Studs { felt, metal, studs }

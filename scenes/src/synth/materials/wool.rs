@@ -1,4 +1,5 @@
-//! Knitted wool: rows of loops that hang in each other (stockinette), of three-ply yarn with stray fibres.
+//! Knitted wool: rows of loops that hang in each other (stockinette), of three-ply yarn with stray fibres; marled, striped,
+//! undyed, and in two colours.
 //!
 //! The centre line of a row of loops is Leaf's curve: x runs ahead and back like sin 2t, y swings like cos t, and z like
 //! cos 2t, so that legs lie in front and heads behind (Leaf, Glaskin, The geometry of a plain knitted loop, 1955).
@@ -35,8 +36,23 @@ const STRAY_FIBRES: usize = 480;
 const FLOOR: u16 = 0;
 const LOWEST: f32 = -0.055;
 
+const PETROL: Vec3 = vec3(0.055, 0.20, 0.215);
+const NATURAL: Vec3 = vec3(0.50, 0.43, 0.32);
+
+/// Colour of the yarn at a place of a row: marled petrol, broad stripes, undyed, lozenges.
+fn yarn_colour(pattern: u32, row: usize, x: f32) -> Vec3 {
+    let column = (x * LOOPS as f32) as usize % LOOPS;
+    match pattern {
+        1 if row % 5 < 2 => NATURAL,
+        2 => NATURAL,
+        3 if (row + column).is_multiple_of(4) || (row + LOOPS * 3 - column).is_multiple_of(4) => NATURAL,
+        _ => PETROL,
+    }
+}
+
 /// Knitted wool.
 pub(super) struct Wool {
+    pattern: u32,
     strands: Strands,
     plies: usize,
     fibre: Noise,
@@ -44,7 +60,7 @@ pub(super) struct Wool {
 }
 
 impl Wool {
-    pub(super) fn new(seed: u64, voxel: f32) -> Wool {
+    pub(super) fn new(seed: u64, voxel: f32, pattern: u32) -> Wool {
         let random = &mut Random::new(seed, "wool");
         let (fibre, dye, path) = (Noise::new(random), Noise::new(random), Noise::new(random));
         let mut strands = Strands::default();
@@ -76,6 +92,7 @@ impl Wool {
         }
         strands.finish();
         Wool {
+            pattern,
             strands,
             plies,
             fibre,
@@ -137,12 +154,11 @@ impl Material for Wool {
         let strand = self.strands.segments[usize::from(segment)].strand;
         let at = self.strands.locate(segment, p);
         let source = self.fibre.derive(strand);
-        let petrol = vec3(0.055, 0.20, 0.215);
         if usize::from(segment) >= self.plies {
             return Attributes {
                 normal,
                 tangent: at.tangent,
-                diffuse: petrol.lerp(vec3(0.45, 0.42, 0.34), 0.6 * unit(mix(strand))),
+                diffuse: PETROL.lerp(vec3(0.45, 0.42, 0.34), 0.6 * unit(mix(strand))),
                 specular: Vec3::splat(0.05),
                 roughness: [0.6, 0.35],
             };
@@ -157,10 +173,11 @@ impl Material for Wool {
         let fibre = relief(p);
         let fleck = smoothstep(0.34, 0.55, at.fibres(source.derive(2), twist, 11.0, 0.3 * WIDTH));
         let tone = self.dye.fractal(p, [4, 4], 3);
-        let shade = if (strand as usize).is_multiple_of(PLIES) {
+        let dyed = yarn_colour(self.pattern, strand as usize / PLIES, p.x);
+        let shade = if self.pattern == 0 && (strand as usize).is_multiple_of(PLIES) {
             vec3(0.12, 0.30, 0.29)
         } else {
-            petrol
+            dyed
         };
         let fleck_color = if unit(source.bits(5, 5, 5)) < 0.5 {
             vec3(0.55, 0.50, 0.40)
@@ -168,7 +185,8 @@ impl Material for Wool {
             vec3(0.42, 0.22, 0.045)
         };
         let mut color = shade * (1.0 + 0.14 * tone + 0.26 * fibre);
-        color = color.lerp(fleck_color, 0.75 * fleck);
+        let flecked = if self.pattern == 0 { 0.75 } else { 0.2 };
+        color = color.lerp(fleck_color, flecked * fleck);
         Attributes {
             normal: bump(p, normal, 0.02 * WIDTH, |q| 0.016 * WIDTH * relief(q)),
             tangent: at.fibre_direction(normal, twist, PLY),

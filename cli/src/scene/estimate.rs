@@ -1,0 +1,91 @@
+//! What making materials takes, before it is begun.
+
+use scenes::paper::{PATCHES, Recipe};
+
+use super::materials::Plan;
+use crate::bytes;
+
+/// Samples (texel, view and light) that are traced and written in a second on one core, and seconds for building a
+/// material before that; as measured over the kinds of material at 128² to 512² texels.
+const SAMPLES_PER_SECOND: f64 = 6.0e6;
+const BUILD_SECONDS: f64 = 0.8;
+/// Samples times components that are factorized in a second on one core.
+const PRODUCTS_PER_SECOND: f64 = 2.5e9;
+/// Texels times components that are coded, written and measured in a second on one core.
+const CODED_PER_SECOND: f64 = 4.0e6;
+/// Bytes of an archive for each texel and component, and for each row of the BTF and component.
+const PAGE_BYTES: f64 = 0.31;
+const COLUMN_BYTES: f64 = 0.35;
+
+/// Time and space.
+pub(super) struct Estimate {
+    seconds: f64,
+    archive_bytes: f64,
+    /// Largest uncompressed BTF, which lies in the folder until it is factorized.
+    work_bytes: f64,
+    memory_bytes: f64,
+}
+
+impl Estimate {
+    pub(super) fn of(plan: &Plan, recipes: &[&Recipe]) -> Estimate {
+        let cores = std::thread::available_parallelism().map_or(1.0, |cores| cores.get() as f64);
+        let directions = plan.sampling.directions().len() as f64;
+        let components = f64::from(plan.components);
+        let mut estimate = Estimate {
+            seconds: 0.0,
+            archive_bytes: 0.0,
+            work_bytes: 0.0,
+            memory_bytes: 0.0,
+        };
+        for recipe in recipes {
+            let texels = f64::from(recipe.size).powi(2);
+            let (traced, styles) = match recipe.worn {
+                Some(_) => (texels / f64::from(PATCHES * PATCHES), 2.0),
+                None => (texels, 1.0),
+            };
+            let samples = traced * directions * directions;
+            let trace = samples / SAMPLES_PER_SECOND + BUILD_SECONDS;
+            let factorize = samples * 3.0 * components / PRODUCTS_PER_SECOND;
+            let code = texels * components / CODED_PER_SECOND;
+            estimate.seconds += (styles * (trace + factorize) + code) / cores;
+            estimate.archive_bytes +=
+                components * (PAGE_BYTES * texels + COLUMN_BYTES * 3.0 * directions * directions);
+            estimate.work_bytes = estimate.work_bytes.max(samples * 6.0);
+            // Factors, their orthonormal form, and what the coder holds.
+            estimate.memory_bytes = estimate.memory_bytes.max(texels * components * 16.0);
+        }
+        estimate
+    }
+
+    pub(super) fn text(&self) -> String {
+        format!(
+            "about {} on this machine, {} of archives; {} on the disk and {} of memory meanwhile",
+            duration(self.seconds),
+            bytes::text(self.archive_bytes as u64),
+            bytes::text(self.work_bytes as u64),
+            bytes::text(self.memory_bytes.max(64e6) as u64),
+        )
+    }
+}
+
+/// A rough time.
+pub(super) fn duration(seconds: f64) -> String {
+    match seconds {
+        s if s < 90.0 => format!("{s:.0} s"),
+        s if s < 5400.0 => format!("{:.0} min", s / 60.0),
+        s => format!("{:.1} h", s / 3600.0),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::duration;
+
+    #[test]
+    fn times_are_rough() {
+        assert_eq!(
+            [4.2, 89.0, 91.0, 3600.0, 9000.0].map(duration),
+            ["4 s", "89 s", "2 min", "60 min", "2.5 h"]
+        );
+    }
+}
