@@ -15,7 +15,7 @@ use super::{
 use crate::{
     Error, Result,
     decode::{Decoded, PAGE_BYTES},
-    gpu::{Ask, Caches, Context, GpuMilliseconds, Renderer, materials::Btf},
+    gpu::{Ask, Caches, Context, GpuMilliseconds, Renderer, Shading, materials::Btf},
     residency::{Item, Limits, MaterialInfo, Placement, Residency, Summary},
     stream::{Request, TileSource},
 };
@@ -142,6 +142,7 @@ impl Engine {
         ms.decode = watch.lap();
 
         self.place(arrived);
+        self.changed |= self.renderer.fading();
         let texels_stitched = self.renderer.flush();
         ms.upload = watch.lap();
 
@@ -223,6 +224,7 @@ impl Engine {
         if let Some(streaming) = &mut self.streaming {
             counted
                 .into_iter()
+                .filter(|counted| !counted.ahead)
                 .for_each(|counted| streaming.window.insert(counted));
         }
         Ok(())
@@ -277,7 +279,12 @@ impl Engine {
             page_bytes: self.options.page_cache_bytes,
             column_bytes: self.options.column_cache_bytes,
         };
-        self.renderer.set_materials(&btfs, &btf_of_material, caches)?;
+        let shading = Shading {
+            component_error: self.options.component_error,
+            fade_frames: self.options.fade_frames,
+        };
+        self.renderer
+            .set_materials(&btfs, &btf_of_material, caches, shading)?;
         let (page_slots, column_slots) = self.renderer.slots();
         let mut residency = Residency::new(Limits {
             page_slots,
@@ -371,7 +378,10 @@ impl Engine {
 
     fn settled(&self, summary: &Summary) -> bool {
         self.streaming.as_ref().is_some_and(|streaming| {
-            streaming.window.complete(self.view) && summary.settled && self.records.idle()
+            streaming.window.complete(self.view)
+                && summary.settled
+                && self.records.idle()
+                && !self.renderer.fading()
         })
     }
 }

@@ -5,6 +5,7 @@ use scenes::{Material, Surface};
 use shaders::mirror;
 use tileset::{Manifest, Pyramid, archive::Index};
 
+use super::page_table::Region;
 use crate::{Error, Result, angular::Triangulation};
 
 /// A BTF of the scene: an archive whose index is known. Materials that name the same archive share it.
@@ -77,8 +78,6 @@ pub struct Tables {
     pub directions: Vec<u32>,
     /// One for each BTF.
     pub bases: Vec<Bases>,
-    /// Entries of the page table.
-    pub page_entries: u32,
     /// Counters of the votes.
     pub votes: u32,
 }
@@ -97,9 +96,9 @@ pub fn pack(materials: &[Material], btfs: &[Btf], btf_of: &[Option<usize>], unkn
             page_table: entries as u32,
             votes: votes as u32,
         };
-        let tiles = u64::from(btf.pyramid().tile_count());
-        entries += (tiles + 1) * u64::from(btf.groups());
-        votes += tiles;
+        let tiles = btf.pyramid().tile_count();
+        entries += Region::words(btf.groups(), tiles);
+        votes += u64::from(tiles);
         if entries.max(votes) > u64::from(u32::MAX) {
             return Err(Error::Budget(format!(
                 "the pages of {} and others are more than 32 bits can count",
@@ -109,7 +108,7 @@ pub fn pack(materials: &[Material], btfs: &[Btf], btf_of: &[Option<usize>], unkn
         templates.push(template(btf, bases, &mut tables.directions));
         tables.bases.push(bases);
     }
-    (tables.page_entries, tables.votes) = (entries as u32, votes as u32);
+    tables.votes = votes as u32;
     for (material, btf) in materials.iter().zip(btf_of) {
         let mut packed = btf.map(|btf| templates[btf]).unwrap_or_default();
         match &material.surface {

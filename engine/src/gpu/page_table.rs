@@ -1,11 +1,14 @@
 //! The page table: for each tile and group the finest resident page among the tile and its ancestors.
 //!
 //! Source: Schwartz, Ruiters, Klein 2013, section 3. Kept up to date by the subtree of each page that comes or
-//! goes; only changed stretches are written to the GPU. Order: for each BTF its columns by group, then its pages by
-//! tile and group, so that a pixel that sums over groups reads one stretch.
+//! goes; only changed stretches are written to the GPU. A BTF has rows of groups + 1 words, so that a pixel that sums over
+//! groups reads one stretch: first how many groups may have a column, then the columns; after that for each tile how many
+//! groups matter there, then the pages. After all BTFs come the weights of slots, as floats.
 
 use shaders::mirror::NONE;
 use tileset::{PageId, Pyramid, Tile};
+
+use crate::residency::Slot;
 
 /// Entries written together.
 const CHUNK: usize = 256;
@@ -23,23 +26,52 @@ pub struct Region {
     pub pyramid: Pyramid,
 }
 
+impl Region {
+    /// Words that a BTF of this many groups and tiles takes.
+    pub fn words(groups: u16, tiles: u32) -> u64 {
+        (u64::from(groups) + 1) * (u64::from(tiles) + 1)
+    }
+}
+
 /// The table on the host, and what of it has changed.
 #[derive(Debug, Default)]
 pub struct PageTable {
     entries: Vec<u32>,
     regions: Vec<Region>,
+    /// First of the weights of slots.
+    slot_weights: usize,
     changed: Vec<bool>,
 }
 
 impl PageTable {
-    /// A table in which nothing is resident.
-    pub fn new(entries: u32, regions: Vec<Region>) -> Self {
-        let entries = vec![NONE; entries as usize];
+    /// A table in which nothing is resident, with weights of one for `slots` slots. `matter` says for each BTF how many
+    /// groups matter, by tile.
+    pub fn new(regions: Vec<Region>, matter: &[Vec<u16>], slots: u32) -> Self {
+        let words = |region: &Region| Region::words(region.groups, region.pyramid.tile_count());
+        let slot_weights = regions.iter().map(words).sum::<u64>() as usize;
+        let mut entries = vec![NONE; slot_weights];
+        entries.extend(std::iter::repeat_n(1f32.to_bits(), slots as usize));
+        for (region, matter) in regions.iter().zip(matter) {
+            let rows = entries[region.base as usize..].chunks_exact_mut(usize::from(region.groups) + 1);
+            let firsts = std::iter::once(0).chain(matter.iter().copied());
+            rows.zip(firsts).for_each(|(row, first)| row[0] = first.into());
+        }
         Self {
             changed: vec![false; entries.len().div_ceil(CHUNK)],
             entries,
             regions,
+            slot_weights,
         }
+    }
+
+    /// Where the weights of slots begin.
+    pub fn slot_weights(&self) -> u32 {
+        self.slot_weights as u32
+    }
+
+    /// By how much a slot's page is mixed with what was shown before it.
+    pub fn set_slot_weight(&mut self, slot: Slot, weight: f32) {
+        self.set(self.slot_weights + slot.0 as usize, weight.to_bits());
     }
 
     /// All entries.
@@ -65,8 +97,12 @@ impl PageTable {
 
     /// Enters a column's slot, or takes it out.
     pub fn set_column(&mut self, btf: usize, group: u16, address: Option<u32>) {
-        let entry = self.regions[btf].base as usize + usize::from(group);
-        self.set(entry, address.unwrap_or(NONE));
+        let region = self.regions[btf];
+        let first = region.base as usize;
+        self.set(first + 1 + usize::from(group), address.unwrap_or(NONE));
+        let columns = &self.entries[first + 1..][..usize::from(region.groups)];
+        let present = columns.iter().rposition(|&entry| entry != NONE);
+        self.set(first, present.map_or(0, |last| last as u32 + 1));
     }
 
     /// Enters a page: its tile and all below it that have no finer page show it.
@@ -148,8 +184,8 @@ impl Region {
     fn entry(&self, group: u16, tile: Tile) -> usize {
         let (columns, _) = self.pyramid.grid(tile.mip);
         let index = self.pyramid.mip_base(tile.mip) + u32::from(tile.y) * columns + u32::from(tile.x);
-        let groups = usize::from(self.groups);
-        self.base as usize + groups + index as usize * groups + usize::from(group)
+        let row = index as usize + 1;
+        self.base as usize + row * (usize::from(self.groups) + 1) + 1 + usize::from(group)
     }
 }
 
@@ -163,20 +199,25 @@ mod tests {
 
     const GROUPS: u16 = 2;
 
+    const SLOTS: u32 = 3;
+
+    /// Of two BTFs; in each tile as many groups matter as the last digit of its index says.
     fn table(pyramid: Pyramid) -> PageTable {
-        let entries = u32::from(GROUPS) * (pyramid.tile_count() + 1);
         let region = |base| Region {
             base,
             groups: GROUPS,
             pyramid,
         };
-        PageTable::new(2 * entries, vec![region(0), region(entries)])
+        let second = Region::words(GROUPS, pyramid.tile_count()) as u32;
+        let matter: Vec<_> = (0..pyramid.tile_count()).map(|tile| (tile % 10) as u16).collect();
+        PageTable::new(vec![region(0), region(second)], &[matter.clone(), matter], SLOTS)
     }
 
     /// What every entry should be: the finest resident page among tile and ancestors.
     fn naive(pyramid: Pyramid, resident: &BTreeMap<PageId, u32>) -> Vec<u32> {
-        let mut entries = vec![NONE; usize::from(GROUPS)];
-        for tile in pyramid.tiles() {
+        let mut entries = vec![0, NONE, NONE];
+        for (index, tile) in (0..).zip(pyramid.tiles()) {
+            entries.push(index % 10);
             for group in 0..GROUPS {
                 let mut place = Some(tile);
                 let entry = loop {
@@ -212,9 +253,9 @@ mod tests {
                     table.insert(1, page, address);
                 }
                 table.flush(|first, entries| on_gpu[first..first + entries.len()].copy_from_slice(entries));
-                let half = table.entries().len() / 2;
-                prop_assert_eq!(&table.entries()[half..], &naive(pyramid, &resident)[..]);
-                prop_assert!(table.entries()[..half].iter().all(|&entry| entry == NONE));
+                let half = table.slot_weights() as usize / 2;
+                prop_assert_eq!(&table.entries()[half..2 * half], &naive(pyramid, &resident)[..]);
+                prop_assert_eq!(&table.entries()[..half], &naive(pyramid, &BTreeMap::new())[..]);
                 prop_assert_eq!(&on_gpu[..], table.entries());
                 prop_assert_eq!(table.page(1, page), resident.get(&page).copied());
             }
@@ -222,11 +263,28 @@ mod tests {
     }
 
     #[test]
-    fn columns_stand_before_the_pages() {
+    fn columns_stand_before_the_pages_and_are_counted() {
         let mut table = table(Pyramid::new(64, 64, false).unwrap());
+        let before = table.entries().to_vec();
+        assert_eq!(before[..3], [0, NONE, NONE]);
         table.set_column(0, 1, Some(7));
-        assert_eq!(table.entries()[..2], [NONE, 7]);
+        assert_eq!(table.entries()[..3], [2, NONE, 7]);
+        table.set_column(0, 0, Some(8));
         table.set_column(0, 1, None);
-        assert!(table.entries().iter().all(|&entry| entry == NONE));
+        assert_eq!(table.entries()[..3], [1, 8, NONE]);
+        table.set_column(0, 0, None);
+        assert_eq!(table.entries(), before);
+    }
+
+    #[test]
+    fn weights_of_slots_stand_at_the_end() {
+        let mut table = table(Pyramid::new(64, 64, false).unwrap());
+        let first = table.slot_weights() as usize;
+        assert_eq!(table.entries()[first..], [1f32.to_bits(); SLOTS as usize]);
+        table.set_slot_weight(Slot(2), 0.5);
+        let mut written = Vec::new();
+        table.flush(|first, entries| written.push((first, entries.to_vec())));
+        assert_eq!(written, [(0, table.entries().to_vec())]);
+        assert_eq!(table.entries()[first..], [1f32, 1.0, 0.5].map(f32::to_bits));
     }
 }

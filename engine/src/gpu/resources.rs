@@ -4,8 +4,11 @@ use glam::Vec3;
 
 use super::{
     bind::{self, Binding},
+    classify::Classify,
     column_cache::ColumnCache,
     context::Context,
+    cutoff::groups_that_matter,
+    fade::Fade,
     feedback::Feedback,
     geometry::Geometry,
     materials::{self, Bases, Btf},
@@ -31,12 +34,33 @@ pub struct Caches {
     pub column_bytes: u64,
 }
 
+/// Choices of shading.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Shading {
+    /// Root mean square reflectance that a pixel may lose because components are left out; 0 leaves out nothing.
+    pub component_error: f64,
+    /// Frames in which a new page comes in; 0: at once.
+    pub fade_frames: u32,
+}
+
+impl Default for Shading {
+    fn default() -> Self {
+        Self {
+            // 1/16 of a step of 8 bits, or 66 dB below white.
+            component_error: 5e-4,
+            // A tenth of a second at 60 Hz.
+            fade_frames: 6,
+        }
+    }
+}
+
 /// The passes, and the layouts of the bind groups that they share.
 pub(super) struct Passes {
     pub(super) scene: wgpu::BindGroupLayout,
     pub(super) caches: wgpu::BindGroupLayout,
     pub(super) visibility: Visibility,
     pub(super) feedback: Feedback,
+    pub(super) classify: Classify,
     pub(super) shade: Shade,
     pub(super) tonemap: Tonemap,
     pub(super) stitch: Stitch,
@@ -52,6 +76,7 @@ pub(super) struct Materials {
     pub(super) page_table_buffer: wgpu::Buffer,
     pub(super) pages: PageCache,
     pub(super) columns: ColumnCache,
+    pub(super) fade: Fade,
 }
 
 /// The bind groups.
@@ -59,6 +84,10 @@ pub(super) struct Groups {
     pub(super) scene: wgpu::BindGroup,
     pub(super) caches: wgpu::BindGroup,
     pub(super) feedback: wgpu::BindGroup,
+    pub(super) classify: wgpu::BindGroup,
+    /// Of cameras that are not shown.
+    pub(super) ahead_scene: wgpu::BindGroup,
+    pub(super) ahead_feedback: wgpu::BindGroup,
     pub(super) shade: wgpu::BindGroup,
     pub(super) tonemap: wgpu::BindGroup,
     pub(super) stitch: StitchGroups,
@@ -83,6 +112,7 @@ impl Passes {
         Ok(Self {
             visibility: Visibility::new(context, &scene)?,
             feedback: Feedback::new(context, &scene, &caches)?,
+            classify: Classify::new(context, &scene)?,
             shade: Shade::new(context, &scene, &caches)?,
             tonemap: Tonemap::new(context, &scene, &caches)?,
             stitch: Stitch::new(context)?,
@@ -99,6 +129,7 @@ impl Materials {
         btfs: &[Btf],
         btf_of: &[Option<usize>],
         caches: Caches,
+        shading: Shading,
     ) -> Result<Self> {
         let tables = materials::pack(scene_materials, btfs, btf_of, UNKNOWN)?;
         let regions = btfs.iter().zip(&tables.bases).map(|(btf, bases)| Region {
@@ -106,7 +137,12 @@ impl Materials {
             groups: btf.groups(),
             pyramid: *btf.pyramid(),
         });
-        let page_table = PageTable::new(tables.page_entries, regions.collect());
+        let matter: Vec<_> = btfs
+            .iter()
+            .map(|btf| groups_that_matter(&btf.index, shading.component_error))
+            .collect();
+        let pages = PageCache::new(context, caches.page_bytes)?;
+        let page_table = PageTable::new(regions.collect(), &matter, pages.grid.slots());
         let column_quads = btfs.iter().map(Btf::column_quads).max().unwrap_or(1);
         Ok(Self {
             table: bind::storage(context, "materials", &tables.materials)?,
@@ -115,8 +151,9 @@ impl Materials {
             ambient_weights: btfs.iter().map(|btf| btf.ambient_weights.clone()).collect(),
             page_table_buffer: bind::storage(context, "page tables", page_table.entries())?,
             page_table,
-            pages: PageCache::new(context, caches.page_bytes)?,
+            pages,
             columns: ColumnCache::new(context, column_quads, caches.column_bytes)?,
+            fade: Fade::new(shading.fade_frames),
         })
     }
 
@@ -133,17 +170,21 @@ impl Groups {
         targets: &Targets,
         geometry: &Geometry,
         materials: &Materials,
-        frame: &wgpu::Buffer,
+        [frame, ahead_frame]: [&wgpu::Buffer; 2],
     ) -> Self {
         use wgpu::BindingResource::{Sampler, TextureView};
-        let scene = [
-            frame,
-            &geometry.vertices,
-            &geometry.indices,
-            &geometry.instances,
-            &materials.table,
-            &geometry.lights,
-        ];
+        let scene = |frame| {
+            let buffers = [
+                frame,
+                &geometry.vertices,
+                &geometry.indices,
+                &geometry.instances,
+                &materials.table,
+                &geometry.lights,
+            ];
+            let resources = buffers.map(wgpu::Buffer::as_entire_binding);
+            bind::group(context, "scene", &passes.scene, &resources)
+        };
         let caches = [
             materials.page_table_buffer.as_entire_binding(),
             materials.directions.as_entire_binding(),
@@ -152,14 +193,12 @@ impl Groups {
             TextureView(&materials.columns.view),
         ];
         Self {
-            scene: bind::group(
-                context,
-                "scene",
-                &passes.scene,
-                &scene.map(wgpu::Buffer::as_entire_binding),
-            ),
+            scene: scene(frame),
+            ahead_scene: scene(ahead_frame),
             caches: bind::group(context, "caches", &passes.caches, &caches),
-            feedback: passes.feedback.bind(context, targets),
+            feedback: passes.feedback.bind(context, &targets.ids),
+            ahead_feedback: passes.feedback.bind(context, &targets.ahead),
+            classify: passes.classify.bind(context, targets),
             shade: passes.shade.bind(context, targets),
             tonemap: passes.tonemap.bind(context, targets),
             stitch: passes.stitch.bind(context, &materials.pages),

@@ -216,8 +216,8 @@ mod tests {
             groups: 2,
             pyramid,
         };
-        let entries = 2 * (pyramid.tile_count() + 1);
-        PageTable::new(2 * entries, vec![region(0), region(entries)])
+        let second = Region::words(2, pyramid.tile_count()) as u32;
+        PageTable::new(vec![region(0), region(second)], &[], 0)
     }
 
     fn page(group: u16, x: u16, y: u16) -> PageId {

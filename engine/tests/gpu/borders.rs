@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use engine::{
     gpu::{
-        Caches, Renderer,
+        Caches, Renderer, Shading,
         borders::{MOST_INTO, MOST_OUT},
         materials::Btf,
         page_cache::SLOT_BYTES,
@@ -73,7 +73,9 @@ impl Model {
             page_bytes: slots * SLOT_BYTES,
             column_bytes: 1 << 20,
         };
-        renderer.set_materials(&btfs, &[], caches).unwrap();
+        renderer
+            .set_materials(&btfs, &[], caches, Shading::default())
+            .unwrap();
         assert_eq!(u64::from(renderer.slots().0), slots);
         Self {
             btfs,
