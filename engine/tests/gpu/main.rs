@@ -3,9 +3,12 @@
 mod borders;
 mod budgets;
 mod material;
+mod odd;
 mod pictures;
 mod scene;
+mod shading;
 mod streams;
+mod votes;
 
 use std::time::Duration;
 
