@@ -18,7 +18,7 @@ const KINDS: [&str; 3] = ["shade_btf", "shade_diffuse", "shade_mixed"];
 /// two mips and from nine places of its column for each light.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct ShadingWork {
-    /// Items by kind: one BTF, one diffuse material, or more than four materials in a tile of 8 × 8 pixels.
+    /// Items by kind: one BTF, one diffuse material, or more than two materials in a tile of 8 × 8 pixels.
     pub items: [u32; 3],
     /// Groups whose eigen-textures were fetched.
     pub groups_fetched: u32,

@@ -47,7 +47,7 @@ pub(super) const AHEAD_SIDE: u32 = 4;
 /// Bytes of the counts before the list of items.
 pub(super) const WORK_HEADER_BYTES: u64 = 32;
 /// Items for each tile of the picture, and one if it is mixed; `MOST_ITEMS` in `work.wgsl`.
-const TILE_ITEMS: u64 = 4 + 1;
+const TILE_ITEMS: u64 = 2 + 1;
 const ITEM_BYTES: u64 = 8;
 /// Bytes of the workgroups to dispatch of three kinds.
 const WORKGROUPS_BYTES: u64 = 3 * 12;
