@@ -14,11 +14,11 @@
 
 mod bind;
 pub mod borders;
-mod classify;
+pub mod classify;
 pub mod column_cache;
 mod context;
 pub mod cutoff;
-mod fade;
+pub mod fade;
 pub mod feedback;
 pub mod geometry;
 mod look;
