@@ -50,6 +50,20 @@ mirror! {
         pub size: UVec2,
         /// One over the texels of a layer of the page cache.
         pub page_scale: Vec2,
+        /// Slots in a row of a layer of the page cache.
+        pub slot_columns: u32,
+        /// Slots in a layer.
+        pub layer_slots: u32,
+        /// 1 while the weight of any slot is below one.
+        pub fading: u32,
+        /// Pixels of the picture that is shown, per pixel of this one.
+        pub pixel_scale: f32,
+        /// 1 if shading is to count what it fetches.
+        pub count_work: u32,
+        /// Not used.
+        pub pad_x: u32,
+        /// Not used.
+        pub pad: UVec2,
     }
 }
 

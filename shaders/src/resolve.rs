@@ -40,9 +40,13 @@ macro_rules! embed {
 
 embed!(
     "btf",
+    "classify",
     "columns",
+    "compact",
     "directions",
+    "eigen",
     "feedback",
+    "finite",
     "frame",
     "geometry",
     "light",
@@ -53,6 +57,7 @@ embed!(
     "surface",
     "tonemap",
     "visibility",
+    "work",
 );
 
 /// The source of a shader file with all that it imports, each file once and before its first importer.

@@ -109,8 +109,12 @@ fn every_entry_point_validates() {
     assert_eq!(
         entry_points,
         [
+            "classify",
+            "compact",
             "feedback",
-            "shade",
+            "shade_btf",
+            "shade_diffuse",
+            "shade_mixed",
             "stitch_gather",
             "stitch_scatter",
             "tonemap",

@@ -1,13 +1,13 @@
 // Outgoing radiance of a BTF, from the groups that are resident.
 //
 // Source: Schwartz, Ruiters, Klein 2013, section 4: ρ = Σ_c U_c(ωi, ωo) V_c(x), equation 5. V is sampled once per
-// group for LIGHT_BLOCK lights; directions are interpolated once for all groups; groups that are not resident
-// cost two loads.
+// group for LIGHT_BLOCK lights; directions are interpolated once for all groups. Nothing is fetched for groups that are
+// not resident, that matter less than the error that is allowed (`page_table`, by tile), or where no light falls.
 
 #import columns
 #import directions
+#import eigen
 #import light
-#import pages
 
 const PI: f32 = 3.14159265358979;
 const LIGHT_BLOCK: u32 = 4u;
@@ -50,21 +50,32 @@ fn interpolate_ambient(slot: u32, rows: vec3<u32>, row_weights: vec3<f32>, offse
     return texture * sum;
 }
 
-// Radiance, and in w 1 if any group is resident, else 0.
-fn shade_btf(seen: Surface) -> vec4<f32> {
+// Groups of the pixel whose textures were fetched, that were left out for the error they make, and that were not
+// resident.
+var<private> groups_fetched: u32;
+var<private> groups_left_out: u32;
+var<private> groups_absent: u32;
+
+// Radiance, and in w the share of the material that is shown: 1 if any group is resident, else 0; between while the
+// first one fades in.
+fn btf_radiance(seen: Surface) -> vec4<f32> {
     let m = seen.material;
     let wanted = footprint(seen);
-    let groups = materials[m].groups;
-    let tiles = materials[m].page_table + groups;
-    let fine = tiles + tile_index(m, wanted, wanted.mip) * groups;
-    let coarse = tiles + tile_index(m, wanted, min(wanted.mip + 1u, materials[m].mip_count - 1u)) * groups;
+    let coarser = min(wanted.mip + 1u, materials[m].mip_count - 1u);
+    let rows = vec2(page_row(m, wanted, wanted.mip), page_row(m, wanted, coarser));
+    let columns = materials[m].page_table;
+    // Trailing groups that have no column, or that together make less than the error that a pixel may have.
+    let present = page_table[columns];
+    let groups = min(present, page_table[rows.x]);
+    groups_absent = materials[m].groups - present;
+    groups_left_out = present - groups;
 
     let row = (materials[m].lights + 1u) * 3u;
-    let view = direction_taps(materials[m].view_directions, tangent_from_world(seen, -normalize(seen.position)));
-    let rows = view.indices * row;
+    let view = direction_taps(materials[m].view_directions, tangent_from_world(seen, -unit(seen.position, -seen.normal)));
+    let view_offsets = view.indices * row;
 
     var radiance = vec3(0.0);
-    var resident = 0.0;
+    var shown = 0.0;
     for (var first = 0u; first == 0u || first < frame.light_count; first += LIGHT_BLOCK) {
         var block: array<LightTaps, LIGHT_BLOCK>;
         var used = 0u;
@@ -75,21 +86,26 @@ fn shade_btf(seen: Surface) -> vec4<f32> {
                 used++;
             }
         }
+        let ambient = first == 0u && any(frame.ambient > vec3(0.0));
+        if used == 0u && !ambient {
+            continue;
+        }
         for (var group = 0u; group < groups; group++) {
-            let slot = page_table[materials[m].page_table + group];
-            let page = page_table[fine + group];
-            if slot == NONE || page == NONE {
+            let slot = page_table[columns + 1u + group];
+            if slot == NONE || page_table[rows.x + 1u + group] == NONE {
+                groups_absent += u32(first == 0u);
                 continue;
             }
-            resident = 1.0;
-            let texture = eigen_texture(m, wanted, page, page_table[coarse + group]);
+            groups_fetched++;
+            let eigen = eigen_texture(m, group, wanted, rows);
+            shown = max(shown, eigen.shown);
             for (var i = 0u; i < used; i++) {
-                radiance += block[i].factor * interpolate(slot, rows, view.weights, block[i], texture);
+                radiance += block[i].factor * interpolate(slot, view_offsets, view.weights, block[i], eigen.texture);
             }
-            if first == 0u && any(frame.ambient > vec3(0.0)) {
-                radiance += frame.ambient * interpolate_ambient(slot, rows, view.weights, row - 3u, texture);
+            if ambient {
+                radiance += frame.ambient * interpolate_ambient(slot, view_offsets, view.weights, row - 3u, eigen.texture);
             }
         }
     }
-    return vec4(radiance * materials[m].texture_scale, resident);
+    return vec4(radiance * materials[m].texture_scale, shown);
 }

@@ -59,7 +59,7 @@ fn direction_taps(table: Triangulation, direction: vec3<f32>) -> Taps {
     let z = max(direction.z, 0.0);
     let horizon = direction.xy / max(length(direction.xy), 1e-20);
     let p = select(direction.xy / (1.0 + z), horizon, direction.z <= 0.0);
-    let cell = vec2<u32>(clamp((p + 1.0) * (0.5 * START_CELLS), vec2(0.0), vec2(START_CELLS - 1.0)));
+    let cell = min(vec2<u32>(max((p + 1.0) * (0.5 * START_CELLS), vec2(0.0))), vec2(u32(START_CELLS) - 1u));
     if table.triangle_count == 0u {
         return hull_taps(table, p);
     }

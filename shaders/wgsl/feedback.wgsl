@@ -18,20 +18,40 @@ fn voter(cell: vec2<u32>) -> vec2<u32> {
     return cell * stride + vec2(place % stride, place / stride);
 }
 
-@compute @workgroup_size(8, 8)
-fn feedback(@builtin(global_invocation_id) cell: vec3<u32>) {
-    let pixel = voter(cell.xy);
+// The counter for which the pixel of a cell votes; NONE if it shows no BTF.
+fn counter(cell: vec2<u32>) -> u32 {
+    let pixel = voter(cell);
     if any(pixel >= frame.size) {
-        return;
+        return NONE;
     }
     let ids = textureLoad(visibility, pixel, 0).xy;
     if ids.x == 0u {
-        return;
+        return NONE;
     }
-    let seen = surface(pixel, ids.x - 1u, ids.y);
-    if materials[seen.material].groups == 0u {
-        return;
+    let material = instances[ids.x - 1u].material;
+    if materials[material].groups == 0u {
+        return NONE;
     }
-    let wanted = footprint(seen);
-    atomicAdd(&votes[materials[seen.material].votes + tile_index(seen.material, wanted, wanted.mip)], 1u);
+    let wanted = footprint(surface(pixel, ids.x - 1u, ids.y, material));
+    return materials[material].votes + tile_index(material, wanted, wanted.mip);
+}
+
+var<workgroup> wanted_by: array<u32, 64>;
+var<workgroup> cells: array<atomic<u32>, 64>;
+
+// Neighbours mostly want one tile: what they have in common is counted in the workgroup, by the first of them.
+@compute @workgroup_size(8, 8)
+fn feedback(@builtin(global_invocation_id) cell: vec3<u32>, @builtin(local_invocation_index) index: u32) {
+    let mine = counter(cell.xy);
+    wanted_by[index] = mine;
+    workgroupBarrier();
+    var first = 0u;
+    while first < index && wanted_by[first] != mine {
+        first++;
+    }
+    atomicAdd(&cells[first], 1u);
+    workgroupBarrier();
+    if first == index && mine != NONE {
+        atomicAdd(&votes[mine], atomicLoad(&cells[index]));
+    }
 }

@@ -31,7 +31,7 @@ struct Material {
     texture_scale: f32,
     // Component groups; 0 for a material that is not a BTF, or whose archive is not known yet.
     groups: u32,
-    // The material's first entry in the page table: its columns by group, then its pages by tile and group.
+    // The material's first entry in the page table; see `pages`.
     page_table: u32,
     // The material's first counter in the votes, which are by tile.
     votes: u32,

@@ -3,9 +3,14 @@
 // Source: Schwartz, Ruiters, Klein 2013, section 3 (equation 3: from virtual to cached texels). A table entry
 // names the finest resident page among a tile and its ancestors, so one load finds it.
 
+#import finite
 #import surface
 
-// Entries: mip in the upper 5 bits, then layer (11), row (8) and column (8) of the slot; NONE if nothing is there.
+// Rows of groups + 1 words. A material's first row: how many groups may have a column, then the columns by group. A row
+// for each of its tiles: how many groups matter there, then the pages by group.
+//
+// Entries of pages: mip in the upper 5 bits, then layer (11), row (8) and column (8) of the slot; NONE if nothing is
+// there.
 @group(1) @binding(0) var<storage, read> page_table: array<u32>;
 @group(1) @binding(2) var pages: texture_2d_array<f32>;
 @group(1) @binding(3) var page_sampler: sampler;
@@ -30,7 +35,7 @@ struct Footprint {
 fn footprint(surface: Surface) -> Footprint {
     let m = surface.material;
     let texels = materials[m].mips[0].size;
-    let step = max(length(surface.st_dx * texels), length(surface.st_dy * texels));
+    let step = max(length(surface.st_dx * texels), length(surface.st_dy * texels)) * frame.pixel_scale;
     let coarsest = f32(materials[m].mip_count - 1u);
     // Written so that a step that is no number ends at the coarsest mip.
     let lod = select(coarsest, clamp(log2(max(step, 1e-9)), 0.0, coarsest), step < MAX_STEP);
@@ -38,7 +43,8 @@ fn footprint(surface: Surface) -> Footprint {
     result.mip = u32(lod);
     result.blend = lod - floor(lod);
     let repeats = (materials[m].flags & REPEATS) != 0u;
-    result.st = select(clamp(surface.st, vec2(0.0), vec2(1.0)), fract(surface.st), repeats);
+    let st = select(vec2(0.0), surface.st, is_finite(surface.st.x) && is_finite(surface.st.y));
+    result.st = select(clamp(st, vec2(0.0), vec2(1.0)), fract(st), repeats);
     let page = vec2<u32>(result.st * materials[m].mips[result.mip].size / PAGE_TEXELS);
     result.tile = min(page, materials[m].mips[result.mip].tiles - 1u);
     return result;
@@ -51,6 +57,12 @@ fn tile_index(material: u32, footprint: Footprint, mip: u32) -> u32 {
     return materials[material].mips[mip].first_tile + tile.y * columns + tile.x;
 }
 
+// First word of a tile's row in the page table.
+fn page_row(material: u32, footprint: Footprint, mip: u32) -> u32 {
+    let tile = tile_index(material, footprint, mip);
+    return materials[material].page_table + (1u + tile) * (materials[material].groups + 1u);
+}
+
 // One page's texel, bilinear, at a mip that the page holds.
 fn page_texel(material: u32, footprint: Footprint, entry: u32, mip: u32) -> vec4<f32> {
     let tile = select((footprint.tile >> vec2(mip - footprint.mip)), vec2(0u), mip >= materials[material].tail_mip);
@@ -58,17 +70,4 @@ fn page_texel(material: u32, footprint: Footprint, entry: u32, mip: u32) -> vec4
     let slot = vec2<f32>(vec2(entry & 0xffu, (entry >> 8u) & 0xffu)) * SLOT_TEXELS;
     let texel = slot + materials[material].mips[mip].origin + inside;
     return textureSampleLevel(pages, page_sampler, texel * frame.page_scale, (entry >> 16u) & 0x7ffu, 0.0);
-}
-
-// Eigen-textures of one group, trilinear, from the table's entries for the footprint's tile and its parent.
-// Where both mips fall back to one resident mip it is sampled once.
-fn eigen_texture(material: u32, footprint: Footprint, fine: u32, coarse: u32) -> vec4<f32> {
-    let coarsest = materials[material].mip_count - 1u;
-    let fine_mip = max(footprint.mip, fine >> 27u);
-    let coarse_mip = max(min(footprint.mip + 1u, coarsest), coarse >> 27u);
-    var value = page_texel(material, footprint, fine, fine_mip);
-    if coarse_mip != fine_mip && footprint.blend > 0.0 {
-        value = mix(value, page_texel(material, footprint, coarse, coarse_mip), footprint.blend);
-    }
-    return value;
 }

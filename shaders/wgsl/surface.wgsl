@@ -22,10 +22,11 @@ fn tangent_from_world(surface: Surface, v: vec3<f32>) -> vec3<f32> {
     return vec3(dot(surface.tangent, v), dot(surface.bitangent, v), dot(surface.normal, v));
 }
 
-// `v` made a unit vector, or `other` where `v` has no direction.
+// `v` made a unit vector, or `other` where `v` has no direction, or z. Squares beyond what floats hold have none either.
 fn unit(v: vec3<f32>, other: vec3<f32>) -> vec3<f32> {
-    let usable = dot(v, v) > 1e-24;
-    return normalize(select(select(vec3(0.0, 0.0, 1.0), other, dot(other, other) > 0.0), v, usable));
+    let squares = vec2(dot(v, v), dot(other, other));
+    let usable = (squares > vec2(1e-24, 1e-37)) & (squares < vec2(1e37));
+    return normalize(select(select(vec3(0.0, 0.0, 1.0), other, usable.y), v, usable.x));
 }
 
 // A unit vector across `normal`, for tangents that are degenerate.
@@ -39,7 +40,9 @@ fn any_tangent(normal: vec3<f32>) -> vec3<f32> {
 // in a + b e + c f = k r for the corner a and the edges e, f. Multiplied by f × a, e × f and a × e:
 // b a·(e × f) = k r·(f × a), a·(e × f) = k r·(e × f), c a·(e × f) = k r·(a × e).
 // Edges are taken before the transform: small triangles far from the origin keep their precision.
-fn surface(pixel: vec2<u32>, instance: u32, triangle: u32) -> Surface {
+//
+// The material is that of the instance. Passes hand it over, because they know it for a whole workgroup.
+fn surface(pixel: vec2<u32>, instance: u32, triangle: u32, material: u32) -> Surface {
     let a = vertex_index(instance, triangle * 3u);
     let b = vertex_index(instance, triangle * 3u + 1u);
     let c = vertex_index(instance, triangle * 3u + 2u);
@@ -59,7 +62,7 @@ fn surface(pixel: vec2<u32>, instance: u32, triangle: u32) -> Surface {
     let bc_dy = (vec2(dot(frame.ray_dy, weight_b), dot(frame.ray_dy, weight_c)) - bc * dot(frame.ray_dy, whole)) * scale;
 
     var result: Surface;
-    result.material = instances[instance].material;
+    result.material = material;
     result.position = origin + edge_b * bc.x + edge_c * bc.y;
 
     let weights = vec3(1.0 - bc.x - bc.y, bc);

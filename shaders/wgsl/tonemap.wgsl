@@ -10,6 +10,8 @@
 
 const START_COMPRESSION: f32 = 0.8 - 0.04;
 const DESATURATION: f32 = 0.15;
+// White long before; what lies above must not overflow on the way.
+const BRIGHTEST: f32 = 1e6;
 
 fn pbr_neutral(linear: vec3<f32>) -> vec3<f32> {
     let least = min(linear.r, min(linear.g, linear.b));
@@ -36,6 +38,6 @@ fn tonemap(@builtin(global_invocation_id) id: vec3<u32>) {
     if any(id.xy >= frame.size) {
         return;
     }
-    let exposed = max(textureLoad(radiance, id.xy, 0).rgb * frame.exposure, vec3(0.0));
+    let exposed = clamp(textureLoad(radiance, id.xy, 0).rgb * frame.exposure, vec3(0.0), vec3(BRIGHTEST));
     textureStore(screen, id.xy, vec4(srgb_from_linear(clamp(pbr_neutral(exposed), vec3(0.0), vec3(1.0))), 1.0));
 }

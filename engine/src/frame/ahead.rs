@@ -1,7 +1,7 @@
 //! Views that are not shown, but may be soon: where the moving camera will be, and those that a program names.
 //!
-//! Each is looked at like the view that is shown, but by one pixel of a feedback cell only: its votes count as much less
-//! as a cell has pixels, so that it fetches what the shown view leaves room for.
+//! Each is looked at in small, by one pixel of sixteen, and its votes are of a lower class: they fetch what the shown view
+//! leaves room for.
 
 use std::collections::VecDeque;
 
@@ -159,6 +159,7 @@ mod tests {
     fn counted(tag: u64, votes: &[(u32, u32)]) -> Counted {
         Counted {
             tag,
+            ahead: tag & AHEAD != 0,
             votes: votes.to_vec(),
         }
     }

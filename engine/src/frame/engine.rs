@@ -62,7 +62,8 @@ impl Engine {
         options: Options,
     ) -> Result<Self> {
         options.check()?;
-        let renderer = Renderer::new(context, scene, options.size)?;
+        let mut renderer = Renderer::new(context, scene, options.size)?;
+        renderer.set_shading(options.shading());
         let (page_slots, column_slots) = renderer.layout(options.caches(), 0)?.slots();
         let mut engine = Self {
             renderer,
@@ -157,6 +158,7 @@ impl Engine {
         ms.decode = watch.lap();
 
         self.place(arrived);
+        self.changed |= self.renderer.fading();
         let texels_stitched = self.renderer.flush();
         ms.upload = watch.lap();
 

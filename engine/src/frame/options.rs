@@ -1,6 +1,9 @@
 //! Budgets and choices.
 
-use crate::{Error, Result, gpu::Caches};
+use crate::{
+    Error, Result,
+    gpu::{Caches, Shading},
+};
 
 /// Least bytes of host memory: what decodes a few pages at a time.
 pub const MIN_HOST_BYTES: u64 = 1 << 20;
@@ -56,6 +59,11 @@ pub struct Options {
     /// One pixel of each square of this side votes in a frame, another one in the next: 1 to
     /// [`MAX_FEEDBACK_STRIDE`]; 1 lets every pixel vote. Votes are summed over the last stride² frames.
     pub feedback_stride: u32,
+    /// Root mean square reflectance that a pixel may lose because component groups are left out where they hardly matter;
+    /// 0 leaves out nothing. Reflectance of a white surface is 1.
+    pub component_error: f64,
+    /// Frames in which a new page comes in; 0: at once. A view has settled when all are in.
+    pub fade_frames: u32,
     /// Each frame waits for its own votes and for the picture, so that the same inputs give the same operations.
     /// Programs with a window turn it off: then nothing waits, and votes are used when they have come back. Browsers
     /// never wait.
@@ -77,6 +85,8 @@ impl Default for Options {
             prefetch_seconds: 0.3,
             exposure_stops: 0.0,
             feedback_stride: 4,
+            component_error: Shading::default().component_error,
+            fade_frames: Shading::default().fade_frames,
             wait: true,
         }
     }
@@ -101,6 +111,14 @@ impl Options {
         Caches {
             page_bytes: self.page_cache_bytes,
             column_bytes: self.column_cache_bytes,
+        }
+    }
+
+    /// Choices of shading.
+    pub(super) fn shading(&self) -> Shading {
+        Shading {
+            component_error: self.component_error,
+            fade_frames: self.fade_frames,
         }
     }
 
@@ -156,6 +174,12 @@ impl Options {
             return wrong(format!(
                 "a feedback stride of {}: 1 to {MAX_FEEDBACK_STRIDE}",
                 self.feedback_stride
+            ));
+        }
+        if !(0.0..f64::INFINITY).contains(&self.component_error) {
+            return wrong(format!(
+                "a component error of {}: 0 or a small positive number",
+                self.component_error
             ));
         }
         if !self.exposure_stops.is_finite() {

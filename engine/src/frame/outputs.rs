@@ -1,7 +1,7 @@
 //! What an engine has to show, and what of it can be changed between frames.
 
 use super::{Counters, Engine, Event};
-use crate::{Result, metrics::Picture, residency::Summary};
+use crate::{Result, gpu::ShadingWork, metrics::Picture, residency::Summary};
 
 impl Engine {
     /// What residency knows of itself.
@@ -48,6 +48,19 @@ impl Engine {
     /// [`crate::Error::Adapter`] if the device fails.
     pub fn visibility(&self) -> Result<Vec<[u32; 2]>> {
         self.renderer.visibility()
+    }
+
+    /// Draws the picture again and counts what shading it takes, and what was saved. Waits for the GPU.
+    ///
+    /// # Errors
+    /// [`crate::Error::Adapter`] if the device fails.
+    pub fn shading_work(&mut self) -> Result<ShadingWork> {
+        self.renderer.draw_counting(self.options.exposure_stops.exp2())
+    }
+
+    /// Bytes of votes that were copied back from the GPU since the start.
+    pub fn vote_bytes(&self) -> u64 {
+        self.renderer.vote_bytes()
     }
 
     /// Changes the size of the picture.

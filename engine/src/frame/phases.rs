@@ -12,7 +12,7 @@ use crate::{
 impl Engine {
     /// Visibility, where the view is new, and votes, where some are missing; takes the votes that are there.
     pub(super) fn look(&mut self, moved: bool) -> Result<()> {
-        let disturbed = self.look_ahead(moved);
+        self.look_ahead(moved);
         let pending = self.renderer.votes_pending();
         let stride = self.options.feedback_stride;
         let phase = self
@@ -24,7 +24,7 @@ impl Engine {
             phase,
             tag: self.window.tag(self.view, phase),
         });
-        let camera = self.camera.as_ref().filter(|_| moved || disturbed);
+        let camera = self.camera.as_ref().filter(|_| moved);
         let asked = self.renderer.look(camera, ask);
         match ask {
             Some(ask) if asked => self.window.asked(self.view, ask.phase),
@@ -173,5 +173,6 @@ impl Engine {
             && (counted || self.btfs.is_empty())
             && summary.settled
             && self.records.idle()
+            && !self.renderer.fading()
     }
 }

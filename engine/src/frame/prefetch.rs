@@ -6,11 +6,10 @@ use scenes::Camera;
 use super::Engine;
 use crate::{
     Error, Result,
-    gpu::Ask,
     residency::{Plan, Vote},
 };
 
-/// A moving camera is looked ahead of in one of so many frames, since that takes rasterizing the scene.
+/// A moving camera is looked ahead of in one of so many frames, since that takes rasterizing the scene in small.
 const FRAMES_BETWEEN: u64 = 4;
 /// Seconds of a frame where there is no clock, or none may count.
 const FRAME_SECONDS: f64 = 1.0 / 60.0;
@@ -45,28 +44,22 @@ impl Engine {
         }
     }
 
-    /// Asks for votes of a view ahead, if one is due. Returns whether the visibility buffer now holds that view.
-    pub(super) fn look_ahead(&mut self, moved: bool) -> bool {
+    /// Asks for votes of a view ahead, if one is due.
+    pub(super) fn look_ahead(&mut self, moved: bool) {
         let Some(camera) = self.camera.filter(|_| !self.btfs.is_empty()) else {
-            return false;
+            return;
         };
         if !moved || self.frames.is_multiple_of(FRAMES_BETWEEN) {
             let horizon = self.records.latency().min(self.options.prefetch_seconds.into());
             self.ahead.follow(&camera, self.now(), horizon);
         }
         let Some((view, tag)) = self.ahead.next(self.renderer.votes_pending()) else {
-            return false;
+            return;
         };
-        let ask = Ask {
-            stride: self.options.feedback_stride,
-            phase: 0,
-            tag,
-        };
-        if self.renderer.look(Some(&view), Some(ask)) {
+        if self.renderer.look_ahead(&view, tag) {
             self.ahead.asked(tag);
             self.counters.looks_ahead += 1;
         }
-        true
     }
 
     /// Votes of the view that is shown, and of those ahead, to residency.

@@ -162,6 +162,7 @@ mod tests {
         let tag = window.tag(view, phase);
         window.insert(Counted {
             tag,
+            ahead: false,
             votes: votes.to_vec(),
         });
     }

@@ -120,15 +120,7 @@ pub(super) fn storage<T: bytemuck::Pod>(
 ) -> Result<wgpu::Buffer> {
     let empty = [T::zeroed()];
     let contents: &[u8] = bytemuck::cast_slice(if contents.is_empty() { &empty } else { contents });
-    let limits = context.device.limits();
-    let limit = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
-    if contents.len() as u64 > limit {
-        return Err(Error::Budget(format!(
-            "the {label} of this scene take {} bytes, but a buffer of this adapter holds at most {limit}: \
-             draw fewer or smaller things at once",
-            contents.len()
-        )));
-    }
+    check_size(context, label, contents.len() as u64)?;
     Ok(context
         .device
         .create_buffer_init(&wgpu::util::BufferInitDescriptor {
@@ -136,6 +128,37 @@ pub(super) fn storage<T: bytemuck::Pod>(
             contents,
             usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC,
         }))
+}
+
+/// A storage buffer of zeros, of at least 16 bytes, and for what else it is used.
+///
+/// # Errors
+/// [`Error::Budget`] beyond what the adapter binds.
+pub(super) fn zeros(
+    context: &Context,
+    label: &str,
+    bytes: u64,
+    usage: wgpu::BufferUsages,
+) -> Result<wgpu::Buffer> {
+    check_size(context, label, bytes)?;
+    Ok(context.device.create_buffer(&wgpu::BufferDescriptor {
+        label: Some(label),
+        size: bytes.max(16),
+        usage: usage | wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST,
+        mapped_at_creation: false,
+    }))
+}
+
+fn check_size(context: &Context, label: &str, bytes: u64) -> Result<()> {
+    let limits = context.device.limits();
+    let limit = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
+    if bytes > limit {
+        return Err(Error::Budget(format!(
+            "the {label} of this scene take {bytes} bytes, but a buffer of this adapter holds at most {limit}: \
+             draw fewer or smaller things at once"
+        )));
+    }
+    Ok(())
 }
 
 /// A compute pipeline of the shader of this name, whose entry point has the same name.
@@ -183,25 +206,31 @@ pub(super) fn module(context: &Context, name: &'static str) -> Result<wgpu::Shad
     }))
 }
 
-/// Workgroups of all passes are 8 × 8 invocations.
-const WORKGROUP_SIDE: u32 = 8;
+/// Workgroups of passes over pictures are 8 × 8 invocations.
+pub(super) const WORKGROUP_SIDE: u32 = 8;
 
-/// Runs one pass over `size` invocations.
-pub(super) fn dispatch(
-    encoder: &mut wgpu::CommandEncoder,
+/// Begins a compute pass.
+pub(super) fn pass<'encoder>(
+    encoder: &'encoder mut wgpu::CommandEncoder,
     label: &str,
-    pipeline: &wgpu::ComputePipeline,
-    groups: [&wgpu::BindGroup; 3],
-    size: (u32, u32),
     timestamp_writes: Option<wgpu::ComputePassTimestampWrites<'_>>,
-) {
-    let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
+) -> wgpu::ComputePass<'encoder> {
+    encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
         label: Some(label),
         timestamp_writes,
-    });
+    })
+}
+
+/// Runs a pipeline over `size` invocations.
+pub(super) fn dispatch(
+    pass: &mut wgpu::ComputePass<'_>,
+    pipeline: &wgpu::ComputePipeline,
+    groups: &[&wgpu::BindGroup],
+    size: (u32, u32),
+) {
     pass.set_pipeline(pipeline);
     for (index, group) in (0..).zip(groups) {
-        pass.set_bind_group(index, group, &[]);
+        pass.set_bind_group(index, *group, &[]);
     }
     pass.dispatch_workgroups(
         size.0.div_ceil(WORKGROUP_SIDE),

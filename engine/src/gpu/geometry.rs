@@ -1,6 +1,8 @@
 //! Meshes, instances and lights of a scene as the shaders read them.
+//!
+//! What is not finite in a mesh ends here: see `finite.wgsl`.
 
-use glam::{Mat3A, Vec3A};
+use glam::{Mat3A, Vec3, Vec3A};
 use scenes::{Light, Scene};
 use shaders::mirror;
 
@@ -30,14 +32,16 @@ impl Geometry {
         let mut first = Vec::with_capacity(scene.meshes.len());
         for mesh in &scene.meshes {
             first.push((vertices.len() as u32, indices.len() as u32));
-            vertices.extend((0..mesh.positions.len()).map(|i| mirror::Vertex {
-                position: mesh.positions[i],
-                u: mesh.uvs[i].x,
-                normal: mesh.normals[i],
-                v: mesh.uvs[i].y,
-                tangent: mesh.tangents[i],
+            vertices.extend((0..mesh.positions.len()).map(|i| vertex(mesh, i)));
+            indices.extend(mesh.indices.chunks_exact(3).flat_map(|corners| {
+                let drawn = corners.iter().all(|&i| mesh.positions[i as usize].is_finite());
+                // Without area it is not drawn, and keeps its number.
+                if drawn {
+                    [corners[0], corners[1], corners[2]]
+                } else {
+                    [corners[0]; 3]
+                }
             }));
-            indices.extend(&mesh.indices);
         }
         let instances: Vec<_> = scene
             .instances
@@ -60,6 +64,19 @@ impl Geometry {
 
     pub(super) fn bytes(&self) -> u64 {
         self.vertices.size() + self.indices.size() + self.instances.size() + self.lights.size()
+    }
+}
+
+fn vertex(mesh: &scenes::Mesh, i: usize) -> mirror::Vertex {
+    let vector = |vector: Vec3| if vector.is_finite() { vector } else { Vec3::ZERO };
+    let uv = Some(mesh.uvs[i]).filter(|uv| uv.is_finite()).unwrap_or_default();
+    let tangent = Some(mesh.tangents[i]).filter(|tangent| tangent.is_finite());
+    mirror::Vertex {
+        position: vector(mesh.positions[i]),
+        u: uv.x,
+        normal: vector(mesh.normals[i]),
+        v: uv.y,
+        tangent: tangent.unwrap_or_default(),
     }
 }
 

@@ -5,6 +5,7 @@ use scenes::{Material, Surface};
 use shaders::mirror;
 use tileset::{Manifest, Pyramid, archive::Index};
 
+use super::page_table::Region;
 use crate::{Error, Result, angular::Triangulation};
 
 /// A BTF of the scene: an archive whose index is known. Materials that name the same archive share it.
@@ -101,7 +102,7 @@ impl Tables {
     /// [`Error::Budget`] if a table would have more than `most_words` entries.
     pub fn pack(&self, btf: &Btf, most_words: u32) -> Result<Added> {
         let tiles = u64::from(btf.pyramid().tile_count());
-        let entries = u64::from(self.page_entries) + (tiles + 1) * u64::from(btf.groups());
+        let entries = u64::from(self.page_entries) + Region::words(btf.groups(), btf.pyramid().tile_count());
         let votes = u64::from(self.votes) + tiles;
         if entries.max(votes) > u64::from(most_words) {
             return Err(Error::Budget(format!(

@@ -1,21 +1,30 @@
 //! The GPU side of the engine: the only module that names wgpu.
 //!
-//! One pass is one file here beside one `.wgsl` of the crate `shaders`: [`visibility`], [`feedback`], [`shade`],
-//! [`tonemap`], [`stitch`]. What they share lies in three bind groups: the scene (group 0: camera, [`geometry`], materials), the
-//! caches (group 1: [`page_table`], [`page_cache`], [`column_cache`], directions) and what a pass reads and writes
-//! (group 2); [`stitch`] alone works on the page cache itself ([`borders`]). [`Renderer`] owns all of it. Nothing here decides what is resident.
+//! One pass is one file here beside one `.wgsl` of the crate `shaders`, in the order of a frame: [`visibility`] (ids of
+//! what pixels see), [`feedback`] (votes for tiles, counted and compacted), [`classify`] (materials by tile of the
+//! picture), [`shade`] (one workgroup for a tile and a material), [`tonemap`]; and [`stitch`], which copies borders in the
+//! page cache ([`borders`]). What they share lies in three bind groups: the scene (group 0: camera, [`geometry`],
+//! materials), the caches (group 1: [`page_table`], [`page_cache`], [`column_cache`], directions) and what a pass reads
+//! and writes (group 2). [`Renderer`] owns all of it: `look` has what draws ids and asks for votes, `outputs` what reads
+//! back. [`cutoff`] says which component groups matter, [`fade`] how new pages come in. Nothing here decides what is
+//! resident. Meshes and lights may hold anything: what then is drawn is written down in `finite.wgsl`.
 //!
 //! Stays within the default limits of WebGPU: 4 bind groups, 8 storage buffers in a stage, 128 MiB bindings. Only
 //! array layers, texture sides and buffer sizes are raised where the adapter has more.
 
 mod bind;
 pub mod borders;
+pub mod classify;
 pub mod column_cache;
 mod context;
+pub mod cutoff;
+pub mod fade;
 pub mod feedback;
 pub mod geometry;
 mod growing;
+mod look;
 pub mod materials;
+mod outputs;
 pub mod page_cache;
 pub mod page_table;
 mod readback;
@@ -30,6 +39,8 @@ mod view;
 pub mod visibility;
 
 pub use context::Context;
-pub use renderer::{Ask, Renderer};
-pub use resources::{Caches, Layout};
+pub use look::Ask;
+pub use renderer::Renderer;
+pub use resources::{Caches, Layout, Shading};
+pub use shade::ShadingWork;
 pub use timers::GpuMilliseconds;

@@ -79,6 +79,12 @@ impl Grid {
     }
 }
 
+/// The slot at an address; the inverse of [`Grid::address`].
+pub fn slot(grid: Grid, address: u32) -> Slot {
+    let (layer, row, column) = (address >> 16, address >> 8 & 0xff, address & 0xff);
+    Slot((layer * grid.rows + row) * grid.columns + column)
+}
+
 /// First texel and layer of the slot at an address.
 pub fn origin(address: u32) -> (UVec2, u32) {
     let (row, column) = (address >> 8 & 0xff, address & 0xff);
@@ -237,6 +243,11 @@ mod tests {
             layers: 4,
         };
         let mut addresses: Vec<_> = (0..grid.slots()).map(|slot| grid.address(Slot(slot))).collect();
+        assert!(
+            (0..)
+                .zip(&addresses)
+                .all(|(at, &address)| slot(grid, address) == Slot(at))
+        );
         assert_eq!(addresses[0], 0);
         assert_eq!(addresses[5], 1 << 8 | 2);
         assert_eq!(addresses[6], 1 << 16);

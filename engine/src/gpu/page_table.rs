@@ -1,8 +1,9 @@
 //! The page table: for each tile and group the finest resident page among the tile and its ancestors.
 //!
 //! Source: Schwartz, Ruiters, Klein 2013, section 3. Kept up to date by the subtree of each page that comes or
-//! goes, and longer by each BTF that becomes known; only changed stretches are written to the GPU. Order: for each BTF its columns by group, then its pages by
-//! tile and group, so that a pixel that sums over groups reads one stretch.
+//! goes, and longer by each BTF that becomes known; only changed stretches are written to the GPU. A BTF has rows of
+//! groups + 1 words, so that a pixel that sums over groups reads one stretch: first how many groups may have a column, then
+//! the columns; after that for each tile how many groups matter there, then the pages.
 
 use shaders::mirror::NONE;
 use tileset::{PageId, Pyramid, Tile};
@@ -23,6 +24,23 @@ pub struct Region {
     pub pyramid: Pyramid,
 }
 
+impl Region {
+    /// Words that a BTF of this many groups and tiles takes.
+    pub fn words(groups: u16, tiles: u32) -> u64 {
+        (u64::from(groups) + 1) * (u64::from(tiles) + 1)
+    }
+
+    /// Words that it takes.
+    pub fn entries(&self) -> usize {
+        Self::words(self.groups, self.pyramid.tile_count()) as usize
+    }
+
+    /// Words of a row.
+    fn row(&self) -> usize {
+        usize::from(self.groups) + 1
+    }
+}
+
 /// The table on the host, and what of it has changed.
 #[derive(Debug, Default)]
 pub struct PageTable {
@@ -33,10 +51,15 @@ pub struct PageTable {
 }
 
 impl PageTable {
-    /// Appends a BTF, of which nothing is resident; its index counts up from 0.
-    pub fn add(&mut self, region: Region) {
+    /// Appends a BTF, of which nothing is resident; its index counts up from 0. `matter` says how many groups matter, by
+    /// tile; where it ends, none.
+    pub fn add(&mut self, region: Region, matter: &[u16]) {
         let first = self.entries.len();
-        self.entries.resize(region.base as usize + region.entries(), NONE);
+        let base = region.base as usize;
+        self.entries.resize(base + region.entries(), NONE);
+        let rows = self.entries[base..].chunks_exact_mut(region.row());
+        let firsts = std::iter::once(0).chain(matter.iter().copied().chain(std::iter::repeat(0)));
+        rows.zip(firsts).for_each(|(row, first)| row[0] = first.into());
         self.changed.resize(self.entries.len().div_ceil(CHUNK), true);
         if first < self.entries.len() {
             self.changed[first / CHUNK] = true;
@@ -51,12 +74,11 @@ impl PageTable {
         for region in 0..self.regions.len() {
             let region = self.regions[region];
             let base = region.base as usize;
-            let pages = base + usize::from(region.groups);
-            for at in base..base + region.entries() {
-                match self.entries[at] {
+            for at in (0..region.entries()).filter(|at| at % region.row() > 0) {
+                match self.entries[base + at] {
                     NONE => {}
-                    entry if at < pages => self.set(at, column(entry)),
-                    entry => self.set(at, entry & !ADDRESS | page(entry & ADDRESS)),
+                    entry if at < region.row() => self.set(base + at, column(entry)),
+                    entry => self.set(base + at, entry & !ADDRESS | page(entry & ADDRESS)),
                 }
             }
         }
@@ -85,8 +107,12 @@ impl PageTable {
 
     /// Enters a column's slot, or takes it out.
     pub fn set_column(&mut self, btf: usize, group: u16, address: Option<u32>) {
-        let entry = self.regions[btf].base as usize + usize::from(group);
-        self.set(entry, address.unwrap_or(NONE));
+        let region = self.regions[btf];
+        let first = region.base as usize;
+        self.set(first + 1 + usize::from(group), address.unwrap_or(NONE));
+        let columns = &self.entries[first + 1..][..usize::from(region.groups)];
+        let present = columns.iter().rposition(|&entry| entry != NONE);
+        self.set(first, present.map_or(0, |last| last as u32 + 1));
     }
 
     /// Enters a page: its tile and all below it that have no finer page show it.
@@ -169,16 +195,11 @@ impl PageTable {
 }
 
 impl Region {
-    /// Entries that it takes.
-    pub fn entries(&self) -> usize {
-        usize::from(self.groups) * (self.pyramid.tile_count() as usize + 1)
-    }
-
     fn entry(&self, group: u16, tile: Tile) -> usize {
         let (columns, _) = self.pyramid.grid(tile.mip);
         let index = self.pyramid.mip_base(tile.mip) + u32::from(tile.y) * columns + u32::from(tile.x);
-        let groups = usize::from(self.groups);
-        self.base as usize + groups + index as usize * groups + usize::from(group)
+        let row = index as usize + 1;
+        self.base as usize + row * (usize::from(self.groups) + 1) + 1 + usize::from(group)
     }
 }
 
@@ -192,23 +213,27 @@ mod tests {
 
     const GROUPS: u16 = 2;
 
+    /// Of two BTFs; in each tile as many groups matter as the last digit of its index says.
     fn table(pyramid: Pyramid) -> PageTable {
-        let entries = u32::from(GROUPS) * (pyramid.tile_count() + 1);
+        let words = Region::words(GROUPS, pyramid.tile_count()) as u32;
+        let matter: Vec<_> = (0..pyramid.tile_count()).map(|tile| (tile % 10) as u16).collect();
         let mut table = PageTable::default();
-        for base in [0, entries] {
-            table.add(Region {
+        for base in [0, words] {
+            let region = Region {
                 base,
                 groups: GROUPS,
                 pyramid,
-            });
+            };
+            table.add(region, &matter);
         }
         table
     }
 
     /// What every entry should be: the finest resident page among tile and ancestors.
     fn naive(pyramid: Pyramid, resident: &BTreeMap<PageId, u32>) -> Vec<u32> {
-        let mut entries = vec![NONE; usize::from(GROUPS)];
-        for tile in pyramid.tiles() {
+        let mut entries = vec![0, NONE, NONE];
+        for (index, tile) in (0..).zip(pyramid.tiles()) {
+            entries.push(index % 10);
             for group in 0..GROUPS {
                 let mut place = Some(tile);
                 let entry = loop {
@@ -245,31 +270,36 @@ mod tests {
                 }
                 table.flush(|first, entries| on_gpu[first..first + entries.len()].copy_from_slice(entries));
                 let half = table.entries().len() / 2;
-                prop_assert_eq!(&table.entries()[half..], &naive(pyramid, &resident)[..]);
-                prop_assert!(table.entries()[..half].iter().all(|&entry| entry == NONE));
+                prop_assert_eq!(&table.entries()[half..2 * half], &naive(pyramid, &resident)[..]);
+                prop_assert_eq!(&table.entries()[..half], &naive(pyramid, &BTreeMap::new())[..]);
                 prop_assert_eq!(&on_gpu[..], table.entries());
                 prop_assert_eq!(table.page(1, page), resident.get(&page).copied());
             }
             // To other addresses, with a BTF more.
             table.set_column(0, 1, Some(3));
             resident.values_mut().for_each(|address| *address = 1000 - *address);
-            table.add(Region { base: table.entries().len() as u32, groups: 1, pyramid });
+            table.add(Region { base: table.entries().len() as u32, groups: 1, pyramid }, &[]);
             table.relocate(|address| 1000 - address, |address| address + 4);
             on_gpu.resize(table.entries().len(), 0);
             table.flush(|first, entries| on_gpu[first..first + entries.len()].copy_from_slice(entries));
-            let entries = on_gpu.len() * 2 / 5;
-            prop_assert_eq!(on_gpu[1], 7);
-            prop_assert_eq!(&on_gpu[entries..2 * entries], &naive(pyramid, &resident)[..]);
-            prop_assert!(on_gpu[2 * entries..].iter().all(|&entry| entry == NONE));
+            let words = Region::words(GROUPS, pyramid.tile_count()) as usize;
+            prop_assert_eq!(on_gpu[..3].to_vec(), vec![2, NONE, 7]);
+            prop_assert_eq!(&on_gpu[words..2 * words], &naive(pyramid, &resident)[..]);
+            prop_assert!(on_gpu[2 * words..].chunks_exact(2).all(|row| row == [0, NONE]));
         }
     }
 
     #[test]
-    fn columns_stand_before_the_pages() {
+    fn columns_stand_before_the_pages_and_are_counted() {
         let mut table = table(Pyramid::new(64, 64, false).unwrap());
+        let before = table.entries().to_vec();
+        assert_eq!(before[..3], [0, NONE, NONE]);
         table.set_column(0, 1, Some(7));
-        assert_eq!(table.entries()[..2], [NONE, 7]);
+        assert_eq!(table.entries()[..3], [2, NONE, 7]);
+        table.set_column(0, 0, Some(8));
         table.set_column(0, 1, None);
-        assert!(table.entries().iter().all(|&entry| entry == NONE));
+        assert_eq!(table.entries()[..3], [1, 8, NONE]);
+        table.set_column(0, 0, None);
+        assert_eq!(table.entries(), before);
     }
 }

@@ -1,49 +1,42 @@
 //! The GPU side of one scene: in which order buffers, caches and passes are used.
 
 use half::f16;
-use scenes::{Camera, Scene};
+use scenes::Scene;
 use shaders::mirror;
 use tileset::{Page, PageId};
 
 use super::{
     context::Context,
-    feedback::Counted,
     geometry::Geometry,
     materials::Btf,
     readback,
-    resources::{Caches, Groups, Layout, Materials, Passes},
+    resources::{Caches, Groups, Layout, Materials, Passes, Shading},
+    shade::ShadingWork,
     stitch,
-    targets::Targets,
-    timers::{GpuMilliseconds, Pass, Timers},
+    targets::{Targets, WORK_HEADER_BYTES},
+    timers::{Pass, Timers},
     view,
 };
-use crate::{Error, Result, metrics::Picture, residency::Slot};
-
-/// What the feedback of a frame is to do.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Ask {
-    /// Side of a feedback cell in pixels.
-    pub stride: u32,
-    /// Which pixel of each cell votes.
-    pub phase: u32,
-    /// Comes back with the votes.
-    pub tag: u64,
-}
+use crate::{Result, residency::Slot};
 
 /// The GPU side of one scene.
 pub struct Renderer {
-    context: Context,
-    scene_materials: Vec<scenes::Material>,
-    geometry: Geometry,
-    frame: mirror::Frame,
-    frame_buffer: wgpu::Buffer,
-    passes: Passes,
-    targets: Targets,
-    materials: Materials,
-    groups: Groups,
-    timers: Option<Timers>,
+    pub(super) context: Context,
+    pub(super) scene_materials: Vec<scenes::Material>,
+    pub(super) geometry: Geometry,
+    pub(super) frame: mirror::Frame,
+    pub(super) frame_buffer: wgpu::Buffer,
+    /// Of cameras that are not shown.
+    pub(super) ahead_frame_buffer: wgpu::Buffer,
+    pub(super) passes: Passes,
+    pub(super) targets: Targets,
+    pub(super) materials: Materials,
+    pub(super) groups: Groups,
+    pub(super) timers: Option<Timers>,
     /// Pages whose borders are to be stitched, by BTF.
-    placed: Vec<(usize, PageId)>,
+    pub(super) placed: Vec<(usize, PageId)>,
+    /// What there is to shade is known.
+    pub(super) classified: bool,
 }
 
 impl Renderer {
@@ -54,17 +47,20 @@ impl Renderer {
     pub fn new(context: Context, scene: &Scene, size: (u32, u32)) -> Result<Self> {
         let geometry = Geometry::new(&context, scene)?;
         let frame = view::frame(scene);
-        let frame_buffer = context.device.create_buffer(&wgpu::BufferDescriptor {
-            label: Some("frame"),
-            size: size_of::<mirror::Frame>() as u64,
-            usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
-            mapped_at_creation: false,
+        let [frame_buffer, ahead_frame_buffer] = ["frame", "frame ahead"].map(|label| {
+            context.device.create_buffer(&wgpu::BufferDescriptor {
+                label: Some(label),
+                size: size_of::<mirror::Frame>() as u64,
+                usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
+                mapped_at_creation: false,
+            })
         });
         let passes = Passes::new(&context)?;
         let targets = Targets::new(&context, size)?;
         let scene_materials = scene.materials.clone();
         let materials = Materials::new(&context, &scene_materials)?;
-        let groups = Groups::new(&context, &passes, &targets, &geometry, &materials, &frame_buffer);
+        let frames = [&frame_buffer, &ahead_frame_buffer];
+        let groups = Groups::new(&context, &passes, &targets, &geometry, &materials, frames);
         let timers = Timers::new(&context);
         context.check()?;
         Ok(Self {
@@ -73,13 +69,21 @@ impl Renderer {
             geometry,
             frame,
             frame_buffer,
+            ahead_frame_buffer,
             passes,
             targets,
             materials,
             groups,
             timers,
             placed: Vec::new(),
+            classified: false,
         })
+    }
+
+    /// Chooses how pages fade in, and which components BTFs that are added from now on may leave out.
+    pub fn set_shading(&mut self, shading: Shading) {
+        self.materials.shading = shading;
+        self.materials.fade.frames = shading.fade_frames;
     }
 
     /// Appends a BTF to the tables; its index counts up from 0. Nothing of it shows before [`Renderer::show_btfs`].
@@ -147,10 +151,13 @@ impl Renderer {
             &self.targets,
             &self.geometry,
             &self.materials,
-            &self.frame_buffer,
+            [&self.frame_buffer, &self.ahead_frame_buffer],
         );
+        self.classified = false;
         let Materials { pages, columns, .. } = &self.materials;
         self.frame.page_scale = pages.scale();
+        self.frame.slot_columns = pages.grid.columns;
+        self.frame.layer_slots = pages.grid.columns * pages.grid.rows;
         self.frame.column_shift = columns.rows.width_shift;
         self.frame.column_mask = (1 << columns.rows.width_shift) - 1;
     }
@@ -169,6 +176,7 @@ impl Renderer {
     pub fn bytes(&self) -> u64 {
         self.geometry.bytes()
             + self.frame_buffer.size()
+            + self.ahead_frame_buffer.size()
             + self.targets.bytes()
             + self.passes.feedback.bytes()
             + self.passes.stitch.bytes()
@@ -179,10 +187,14 @@ impl Renderer {
     /// neighbour is missing, and at the outer sides of a clamped mip.
     pub fn place_page(&mut self, btf: usize, page: PageId, slot: Slot, texels: &Page) {
         let Materials {
-            pages, page_table, ..
+            pages,
+            page_table,
+            fade,
+            ..
         } = &mut self.materials;
         pages.write(&self.context, slot, texels);
         page_table.insert(btf, page, pages.grid.address(slot));
+        fade.start(slot);
         self.placed.push((btf, page));
     }
 
@@ -191,15 +203,24 @@ impl Renderer {
         self.materials.page_table.remove(btf, page);
     }
 
-    /// Writes a column, with its ambient entries ([`with_ambient`]), into a slot and enters it into the page table.
+    /// Writes a column, with its ambient entries ([`with_ambient`]), into a slot and enters it into the page table. Before
+    /// it the group's root was worth nothing: it comes in now.
     ///
     /// [`with_ambient`]: super::column_cache::with_ambient
     pub fn place_column(&mut self, btf: usize, group: u16, slot: Slot, quads: Vec<[f16; 4]>) {
         let Materials {
-            columns, page_table, ..
+            pages,
+            columns,
+            page_table,
+            fade,
+            ..
         } = &mut self.materials;
         columns.write(&self.context, slot, quads);
         page_table.set_column(btf, group, Some(columns.rows.address(slot)));
+        let tile = page_table.pyramid(btf).root();
+        if let Some(address) = page_table.page(btf, PageId { group, tile }) {
+            fade.start(pages.grid.slot(address));
+        }
     }
 
     /// Takes a column out of the page table.
@@ -207,7 +228,12 @@ impl Renderer {
         self.materials.page_table.set_column(btf, group, None);
     }
 
-    /// Writes what has changed in the page table, and stitches the borders between the pages placed since the last
+    /// Whether pages are on their way in: the next [`Renderer::flush`] changes the picture.
+    pub fn fading(&self) -> bool {
+        self.materials.fade.active()
+    }
+
+    /// Once a frame: lets new pages fade in, writes what has changed in the page table, and stitches the borders between the pages placed since the last
     /// time and all that are resident. Returns how many texels that took: at most [`MOST_INTO`] + [`MOST_OUT`] a page
     /// placed.
     ///
@@ -217,8 +243,14 @@ impl Renderer {
         let Materials {
             page_table,
             page_table_buffer,
+            fade,
+            slot_weights,
             ..
         } = &mut self.materials;
+        if fade.step() {
+            slot_weights.write(&self.context, fade);
+        }
+        self.frame.fading = fade.active().into();
         let queue = &self.context.queue;
         page_table.flush(|first, entries| {
             queue.write_buffer(
@@ -234,86 +266,27 @@ impl Renderer {
             .run(&self.context, &self.groups.stitch, &strips, timers)
     }
 
-    /// A resident page as it lies in the cache, `[y][x]` with its border. Waits.
-    ///
-    /// # Errors
-    /// [`Error::Adapter`] if the device has failed.
-    pub fn page(&self, btf: usize, page: PageId) -> Result<Option<Page>> {
-        let Materials {
-            pages, page_table, ..
-        } = &self.materials;
-        let address = page_table.page(btf, page);
-        address
-            .map(|address| {
-                Ok(Page {
-                    texels: pages.read(&self.context, address)?,
-                })
-            })
-            .transpose()
-    }
-
-    /// Draws ids for a camera, if there is one, and asks for votes, if so told. Returns whether votes will come:
-    /// not while too many are on their way already.
-    pub fn look(&mut self, camera: Option<&Camera>, ask: Option<Ask>) -> bool {
-        let staging = ask.and_then(|ask| Some((ask, self.passes.feedback.free()?)));
-        if camera.is_none() && staging.is_none() {
-            return false;
-        }
-        if let Some(camera) = camera {
-            view::set_camera(&mut self.frame, camera, self.targets.size);
-        }
-        if let Some((ask, _)) = staging {
-            (self.frame.feedback_stride, self.frame.feedback_phase) = (ask.stride, ask.phase);
-        }
-        self.write_frame();
-        let mut encoder = self.context.device.create_command_encoder(&Default::default());
-        if camera.is_some() {
-            let timestamps = self.timers.as_mut().map(|timers| timers.render(Pass::Visibility));
-            let (visibility, scene) = (&self.passes.visibility, &self.groups.scene);
-            visibility.encode(
-                &mut encoder,
-                &self.targets,
-                scene,
-                &self.geometry.draws,
-                timestamps,
-            );
-        }
-        if let Some((ask, staging)) = staging {
-            let timestamps = self.timers.as_mut().map(|timers| timers.compute(Pass::Feedback));
-            let (width, height) = self.targets.size;
-            let cells = (width.div_ceil(ask.stride), height.div_ceil(ask.stride));
-            let groups = [&self.groups.scene, &self.groups.caches, &self.groups.feedback];
-            self.passes
-                .feedback
-                .encode(&mut encoder, cells, groups, staging, timestamps);
-        }
-        self.context.queue.submit([encoder.finish()]);
-        if let Some((ask, staging)) = staging {
-            self.passes.feedback.map(staging, ask.tag);
-        }
-        staging.is_some()
-    }
-
     /// Shades and maps tones; `exposure` is a factor.
     pub fn draw(&mut self, exposure: f32) {
         self.frame.exposure = exposure;
         self.write_frame();
         let mut encoder = self.context.device.create_command_encoder(&Default::default());
         let (size, groups) = (self.targets.size, &self.groups);
+        if !self.classified {
+            self.targets.clear_work(&self.context.queue);
+            let timestamps = self.timers.as_mut().map(|timers| timers.compute(Pass::Classify));
+            let bound = [&groups.scene, &groups.classify];
+            self.passes.classify.encode(&mut encoder, size, bound, timestamps);
+            self.classified = true;
+        }
         let timestamps = self.timers.as_mut().map(|timers| timers.compute(Pass::Shade));
-        self.passes.shade.encode(
-            &mut encoder,
-            size,
-            [&groups.scene, &groups.caches, &groups.shade],
-            timestamps,
-        );
+        let bound = [&groups.scene, &groups.caches, &groups.shade];
+        self.passes
+            .shade
+            .encode(&mut encoder, &self.targets, bound, timestamps);
         let timestamps = self.timers.as_mut().map(|timers| timers.compute(Pass::Tonemap));
-        self.passes.tonemap.encode(
-            &mut encoder,
-            size,
-            [&groups.scene, &groups.caches, &groups.tonemap],
-            timestamps,
-        );
+        let bound = [&groups.scene, &groups.caches, &groups.tonemap];
+        self.passes.tonemap.encode(&mut encoder, size, bound, timestamps);
         let map = self
             .timers
             .as_mut()
@@ -324,31 +297,31 @@ impl Renderer {
         }
     }
 
-    fn write_frame(&self) {
-        self.context
-            .queue
-            .write_buffer(&self.frame_buffer, 0, bytemuck::bytes_of(&self.frame));
-    }
-
-    /// Votes and times that have arrived, without waiting.
+    /// Draws as [`Renderer::draw`] does, and counts what that takes. Waits.
     ///
     /// # Errors
     /// [`Error::Adapter`] if the device has failed.
-    pub fn poll(&mut self) -> Result<(Vec<Counted>, Option<GpuMilliseconds>)> {
-        self.context
-            .device
-            .poll(wgpu::PollType::Poll)
-            .map_err(|error| Error::Adapter(error.to_string()))?;
-        self.context.check()?;
-        Ok((
-            self.passes.feedback.poll(),
-            self.timers.as_mut().and_then(Timers::poll),
-        ))
+    pub fn draw_counting(&mut self, exposure: f32) -> Result<ShadingWork> {
+        // A new classification starts the counts anew.
+        self.classified = false;
+        self.frame.count_work = 1;
+        self.draw(exposure);
+        self.frame.count_work = 0;
+        let bytes = readback::head(&self.context, &self.targets.work, WORK_HEADER_BYTES)?;
+        let [btf, diffuse, mixed, _, fetched, left_out, absent, _]: [u32; 8] =
+            bytemuck::pod_read_unaligned(&bytes);
+        Ok(ShadingWork {
+            items: [btf, diffuse, mixed],
+            groups_fetched: fetched,
+            groups_left_out: left_out,
+            groups_absent: absent,
+        })
     }
 
-    /// Whether votes are on their way back.
-    pub fn votes_pending(&self) -> bool {
-        self.passes.feedback.pending()
+    pub(super) fn write_frame(&self) {
+        self.context
+            .queue
+            .write_buffer(&self.frame_buffer, 0, bytemuck::bytes_of(&self.frame));
     }
 
     /// Waits for all submitted work; at once in browsers.
@@ -357,45 +330,5 @@ impl Renderer {
     /// [`Error::Adapter`] if the device has failed.
     pub fn wait(&self) -> Result<()> {
         self.context.wait()
-    }
-
-    /// The last picture, linear. Waits.
-    ///
-    /// # Errors
-    /// [`Error::Adapter`] if the device has failed.
-    pub fn picture(&self) -> Result<Picture> {
-        let bytes = readback::texels(&self.context, &self.targets.picture)?;
-        let (width, height) = self.targets.size;
-        let pixels = bytes.chunks_exact(16).map(|pixel| {
-            let [r, g, b, _]: [f32; 4] = bytemuck::pod_read_unaligned(pixel);
-            [r, g, b]
-        });
-        Ok(Picture {
-            width,
-            height,
-            pixels: pixels.collect(),
-        })
-    }
-
-    /// The last picture in 8-bit sRGB with alpha. Waits.
-    ///
-    /// # Errors
-    /// [`Error::Adapter`] if the device has failed.
-    pub fn tonemapped(&self) -> Result<Vec<u8>> {
-        readback::texels(&self.context, &self.targets.screen)
-    }
-
-    /// For each pixel its instance, counted from 1, and triangle; 0 where nothing is. Waits.
-    ///
-    /// # Errors
-    /// [`Error::Adapter`] if the device has failed.
-    pub fn visibility(&self) -> Result<Vec<[u32; 2]>> {
-        let bytes = readback::texels(&self.context, &self.targets.visibility)?;
-        Ok(bytes.chunks_exact(8).map(bytemuck::pod_read_unaligned).collect())
-    }
-
-    /// Name of the adapter and its driver.
-    pub fn adapter(&self) -> String {
-        self.context.adapter()
     }
 }

@@ -4,8 +4,11 @@ use glam::Vec3;
 
 use super::{
     bind::{self, Binding},
+    classify::Classify,
     column_cache::{ColumnCache, Rows},
     context::Context,
+    cutoff::groups_that_matter,
+    fade::{Fade, SlotWeights},
     feedback::Feedback,
     geometry::Geometry,
     growing::{self, Growing},
@@ -76,12 +79,33 @@ impl Layout {
     }
 }
 
+/// Choices of shading.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Shading {
+    /// Root mean square reflectance that a pixel may lose because components are left out; 0 leaves out nothing.
+    pub component_error: f64,
+    /// Frames in which a new page comes in; 0: at once.
+    pub fade_frames: u32,
+}
+
+impl Default for Shading {
+    fn default() -> Self {
+        Self {
+            // 1/16 of a step of 8 bits, or 66 dB below white.
+            component_error: 5e-4,
+            // A tenth of a second at 60 Hz.
+            fade_frames: 6,
+        }
+    }
+}
+
 /// The passes, and the layouts of the bind groups that they share.
 pub(super) struct Passes {
     pub(super) scene: wgpu::BindGroupLayout,
     pub(super) caches: wgpu::BindGroupLayout,
     pub(super) visibility: Visibility,
     pub(super) feedback: Feedback,
+    pub(super) classify: Classify,
     pub(super) shade: Shade,
     pub(super) tonemap: Tonemap,
     pub(super) stitch: Stitch,
@@ -96,6 +120,9 @@ pub(super) struct Materials {
     pub(super) page_table_buffer: Growing,
     pub(super) pages: PageCache,
     pub(super) columns: ColumnCache,
+    pub(super) shading: Shading,
+    pub(super) fade: Fade,
+    pub(super) slot_weights: SlotWeights,
 }
 
 /// The bind groups.
@@ -103,6 +130,10 @@ pub(super) struct Groups {
     pub(super) scene: wgpu::BindGroup,
     pub(super) caches: wgpu::BindGroup,
     pub(super) feedback: wgpu::BindGroup,
+    pub(super) classify: wgpu::BindGroup,
+    /// Of cameras that are not shown.
+    pub(super) ahead_scene: wgpu::BindGroup,
+    pub(super) ahead_feedback: wgpu::BindGroup,
     pub(super) shade: wgpu::BindGroup,
     pub(super) tonemap: wgpu::BindGroup,
     pub(super) stitch: StitchGroups,
@@ -115,18 +146,20 @@ impl Passes {
         let storage = [Binding::Storage; 5];
         let scene = [&[Binding::Uniform], &storage[..]].concat();
         let scene = bind::layout(context, "scene", Stages::VERTEX | Stages::COMPUTE, &scene);
-        // Page table, directions, pages, columns.
+        // Page table, directions, pages, columns, weights of slots.
         let caches = [
             Binding::Storage,
             Binding::Storage,
             Binding::Layers,
             Binding::Sampler,
             Binding::Words,
+            Binding::Floats,
         ];
         let caches = bind::layout(context, "caches", Stages::COMPUTE, &caches);
         Ok(Self {
             visibility: Visibility::new(context, &scene)?,
             feedback: Feedback::new(context, &scene, &caches)?,
+            classify: Classify::new(context, &scene)?,
             shade: Shade::new(context, &scene, &caches)?,
             tonemap: Tonemap::new(context, &scene, &caches)?,
             stitch: Stitch::new(context)?,
@@ -141,6 +174,8 @@ impl Materials {
     pub(super) fn new(context: &Context, scene_materials: &[scenes::Material]) -> Result<Self> {
         let tables = Tables::default();
         let unknown = tables.materials(scene_materials, &vec![None; scene_materials.len()], UNKNOWN);
+        let shading = Shading::default();
+        let fade = Fade::new(shading.fade_frames, Layout::NOTHING.slots().0);
         Ok(Self {
             table: bind::storage(context, "materials", &unknown)?,
             tables,
@@ -149,6 +184,9 @@ impl Materials {
             page_table_buffer: Growing::new(context, "page tables"),
             pages: PageCache::new(context, Layout::NOTHING.pages),
             columns: ColumnCache::new(context, Layout::NOTHING.columns),
+            shading,
+            slot_weights: SlotWeights::new(context, &fade),
+            fade,
         })
     }
 
@@ -172,7 +210,8 @@ impl Materials {
         self.directions.append(context, &added.directions);
         // Written with all else that has changed in the table.
         self.page_table_buffer.skip(entries_bytes);
-        self.page_table.add(region);
+        let matter = groups_that_matter(&btf.index, self.shading.component_error);
+        self.page_table.add(region, &matter);
         Ok(())
     }
 
@@ -204,6 +243,8 @@ impl Materials {
             let resized = PageCache::new(context, layout.pages);
             resized.copy_from(&mut encoder, &self.pages, pages);
             self.pages = resized;
+            self.fade = self.fade.moved(layout.slots().0, pages.iter().copied());
+            self.slot_weights = SlotWeights::new(context, &self.fade);
         }
         if layout.columns != old.columns {
             let resized = ColumnCache::new(context, layout.columns);
@@ -237,7 +278,10 @@ impl Materials {
             &self.directions.buffer,
             &self.page_table_buffer.buffer,
         ];
-        buffers.iter().map(|buffer| buffer.size()).sum::<u64>() + self.pages.bytes() + self.columns.bytes()
+        buffers.iter().map(|buffer| buffer.size()).sum::<u64>()
+            + self.pages.bytes()
+            + self.columns.bytes()
+            + self.slot_weights.bytes()
     }
 }
 
@@ -257,33 +301,36 @@ impl Groups {
         targets: &Targets,
         geometry: &Geometry,
         materials: &Materials,
-        frame: &wgpu::Buffer,
+        [frame, ahead_frame]: [&wgpu::Buffer; 2],
     ) -> Self {
         use wgpu::BindingResource::{Sampler, TextureView};
-        let scene = [
-            frame,
-            &geometry.vertices,
-            &geometry.indices,
-            &geometry.instances,
-            &materials.table,
-            &geometry.lights,
-        ];
+        let scene = |frame| {
+            let buffers = [
+                frame,
+                &geometry.vertices,
+                &geometry.indices,
+                &geometry.instances,
+                &materials.table,
+                &geometry.lights,
+            ];
+            let resources = buffers.map(wgpu::Buffer::as_entire_binding);
+            bind::group(context, "scene", &passes.scene, &resources)
+        };
         let caches = [
             materials.page_table_buffer.buffer.as_entire_binding(),
             materials.directions.buffer.as_entire_binding(),
             TextureView(&materials.pages.view),
             Sampler(&materials.pages.sampler),
             TextureView(&materials.columns.view),
+            TextureView(&materials.slot_weights.view),
         ];
         Self {
-            scene: bind::group(
-                context,
-                "scene",
-                &passes.scene,
-                &scene.map(wgpu::Buffer::as_entire_binding),
-            ),
+            scene: scene(frame),
+            ahead_scene: scene(ahead_frame),
             caches: bind::group(context, "caches", &passes.caches, &caches),
-            feedback: passes.feedback.bind(context, targets),
+            feedback: passes.feedback.bind(context, &targets.ids),
+            ahead_feedback: passes.feedback.bind(context, &targets.ahead),
+            classify: passes.classify.bind(context, targets),
             shade: passes.shade.bind(context, targets),
             tonemap: passes.tonemap.bind(context, targets),
             stitch: passes.stitch.bind(context, &materials.pages),

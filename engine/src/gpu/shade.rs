@@ -1,4 +1,6 @@
-//! The shading pass: outgoing radiance of each pixel.
+//! The shading pass: outgoing radiance of each pixel that shows anything, material by material.
+
+use serde::Serialize;
 
 use crate::{
     Result,
@@ -9,9 +11,26 @@ use crate::{
     },
 };
 
+/// Entry points by kind of item, in the order of `work.wgsl`.
+const KINDS: [&str; 3] = ["shade_btf", "shade_diffuse", "shade_mixed"];
+
+/// What shading a picture took: sums over its pixels of component groups, each of which would cost a fetch from each of
+/// two mips and from nine places of its column for each light.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct ShadingWork {
+    /// Items by kind: one BTF, one diffuse material, or more than two materials in a tile of 8 × 8 pixels.
+    pub items: [u32; 3],
+    /// Groups whose eigen-textures were fetched.
+    pub groups_fetched: u32,
+    /// Groups left out because together they matter less than the error that a pixel may have.
+    pub groups_left_out: u32,
+    /// Groups of which column or page were not resident.
+    pub groups_absent: u32,
+}
+
 /// The pass.
 pub(super) struct Shade {
-    pipeline: wgpu::ComputePipeline,
+    pipelines: Vec<wgpu::ComputePipeline>,
     layout: wgpu::BindGroupLayout,
 }
 
@@ -21,14 +40,12 @@ impl Shade {
         scene: &wgpu::BindGroupLayout,
         caches: &wgpu::BindGroupLayout,
     ) -> Result<Self> {
-        let layout = bind::layout(
-            context,
-            "shade",
-            wgpu::ShaderStages::COMPUTE,
-            &[Binding::Integers, Binding::Picture(PICTURE)],
-        );
+        let bindings = [Binding::Integers, Binding::Picture(PICTURE), Binding::Counters];
+        let layout = bind::layout(context, "shade", wgpu::ShaderStages::COMPUTE, &bindings);
+        let module = bind::module(context, "shade")?;
+        let pipelines = KINDS.map(|kind| bind::pipeline(context, &module, kind, &[scene, caches, &layout]));
         Ok(Self {
-            pipeline: bind::compute(context, "shade", &[scene, caches, &layout])?,
+            pipelines: pipelines.into(),
             layout,
         })
     }
@@ -36,19 +53,28 @@ impl Shade {
     pub(super) fn bind(&self, context: &Context, targets: &Targets) -> wgpu::BindGroup {
         use wgpu::BindingResource::TextureView;
         let resources = [
-            TextureView(&targets.visibility.view),
+            TextureView(&targets.ids.visibility.view),
             TextureView(&targets.picture.view),
+            targets.work.as_entire_binding(),
         ];
         bind::group(context, "shade", &self.layout, &resources)
     }
 
+    /// Shades the items of `targets` that the classification has left there.
     pub(super) fn encode(
         &self,
         encoder: &mut wgpu::CommandEncoder,
-        size: (u32, u32),
+        targets: &Targets,
         groups: [&wgpu::BindGroup; 3],
         timestamp_writes: Option<wgpu::ComputePassTimestampWrites<'_>>,
     ) {
-        bind::dispatch(encoder, "shade", &self.pipeline, groups, size, timestamp_writes);
+        let mut pass = bind::pass(encoder, "shade", timestamp_writes);
+        for (index, group) in (0..).zip(groups) {
+            pass.set_bind_group(index, group, &[]);
+        }
+        for (kind, pipeline) in (0..).zip(&self.pipelines) {
+            pass.set_pipeline(pipeline);
+            pass.dispatch_workgroups_indirect(&targets.workgroups, kind * 12);
+        }
     }
 }

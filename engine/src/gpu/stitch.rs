@@ -216,10 +216,10 @@ mod tests {
             groups: 2,
             pyramid,
         };
-        let entries = 2 * (pyramid.tile_count() + 1);
+        let words = Region::words(2, pyramid.tile_count()) as u32;
         let mut table = PageTable::default();
-        table.add(region(0));
-        table.add(region(entries));
+        table.add(region(0), &[]);
+        table.add(region(words), &[]);
         table
     }
 

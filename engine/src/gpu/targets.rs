@@ -1,6 +1,9 @@
-//! Textures: what passes draw into, and the layered ones of the caches.
+//! What passes draw into, and the layered textures of the caches.
 
-use crate::{Error, Result, gpu::Context};
+use crate::{
+    Error, Result,
+    gpu::{Context, bind},
+};
 
 /// Formats of the passes' outputs.
 pub(super) const VISIBILITY: wgpu::TextureFormat = wgpu::TextureFormat::Rg32Uint;
@@ -19,14 +22,35 @@ pub(super) struct Target {
     pub(super) view: wgpu::TextureView,
 }
 
-/// The outputs of all passes, of the picture's size.
-pub(super) struct Targets {
+/// Ids of what pixels see.
+pub(super) struct Ids {
     pub(super) size: (u32, u32),
     pub(super) visibility: Target,
     pub(super) depth: Target,
+}
+
+/// The outputs of all passes, of the picture's size.
+pub(super) struct Targets {
+    pub(super) size: (u32, u32),
+    pub(super) ids: Ids,
+    /// Of cameras that are not shown: one pixel for [`AHEAD_SIDE`]² of the picture.
+    pub(super) ahead: Ids,
+    /// Items to shade, and the workgroups that take; see `work.wgsl`.
+    pub(super) work: wgpu::Buffer,
+    pub(super) workgroups: wgpu::Buffer,
     pub(super) picture: Target,
     pub(super) screen: Target,
 }
+
+/// Side of the squares of the picture for which one pixel votes ahead.
+pub(super) const AHEAD_SIDE: u32 = 4;
+/// Bytes of the counts before the list of items.
+pub(super) const WORK_HEADER_BYTES: u64 = 32;
+/// Items for each tile of the picture, and one if it is mixed; `MOST_ITEMS` in `work.wgsl`.
+const TILE_ITEMS: u64 = 2 + 1;
+const ITEM_BYTES: u64 = 8;
+/// Bytes of the workgroups to dispatch of three kinds.
+const WORKGROUPS_BYTES: u64 = 3 * 12;
 
 impl Targets {
     /// # Errors
@@ -40,7 +64,7 @@ impl Targets {
             )));
         }
         use wgpu::TextureUsages as Usage;
-        let target = |label, format, usage| {
+        let target = |label, format, size: (u32, u32), usage| {
             let texture = context.device.create_texture(&wgpu::TextureDescriptor {
                 label: Some(label),
                 size: wgpu::Extent3d {
@@ -62,23 +86,63 @@ impl Targets {
         };
         let drawn = Usage::RENDER_ATTACHMENT | Usage::TEXTURE_BINDING | Usage::COPY_SRC;
         let written = Usage::STORAGE_BINDING | Usage::TEXTURE_BINDING | Usage::COPY_SRC;
+        let ids = |size| Ids {
+            size,
+            visibility: target("visibility", VISIBILITY, size, drawn),
+            depth: target("depth", DEPTH, size, Usage::RENDER_ATTACHMENT),
+        };
+        let work_bytes = WORK_HEADER_BYTES + tiles(size) * TILE_ITEMS * ITEM_BYTES;
         Ok(Self {
             size,
-            visibility: target("visibility", VISIBILITY, drawn),
-            depth: target("depth", DEPTH, Usage::RENDER_ATTACHMENT),
-            picture: target("picture", PICTURE, written),
-            screen: target("screen", SCREEN, written),
+            ids: ids(size),
+            ahead: ids((size.0.div_ceil(AHEAD_SIDE), size.1.div_ceil(AHEAD_SIDE))),
+            work: bind::zeros(
+                context,
+                "items to shade",
+                work_bytes,
+                wgpu::BufferUsages::COPY_SRC,
+            )?,
+            workgroups: bind::zeros(
+                context,
+                "workgroups",
+                WORKGROUPS_BYTES,
+                wgpu::BufferUsages::INDIRECT,
+            )?,
+            picture: target("picture", PICTURE, size, written),
+            screen: target("screen", SCREEN, size, written),
         })
     }
 
-    pub(super) fn bytes(&self) -> u64 {
-        [&self.visibility, &self.depth, &self.picture, &self.screen]
-            .iter()
-            .map(|target| u64::from(target.texture.format().block_copy_size(None).unwrap_or(4)))
-            .sum::<u64>()
-            * u64::from(self.size.0)
-            * u64::from(self.size.1)
+    /// Starts the lists of items anew. Rows of workgroups are as long as there are rows at most: neither is more than
+    /// the square root of the items that textures of 2^15 texels a side can have, 2^13.
+    pub(super) fn clear_work(&self, queue: &wgpu::Queue) {
+        let across = ((tiles(self.size) * TILE_ITEMS) as f64).sqrt().ceil() as u32;
+        queue.write_buffer(&self.work, 0, &[0; WORK_HEADER_BYTES as usize]);
+        queue.write_buffer(&self.workgroups, 0, bytemuck::bytes_of(&[[across, 0, 1]; 3]));
     }
+
+    pub(super) fn bytes(&self) -> u64 {
+        let Self { ids, ahead, .. } = self;
+        let targets = [
+            &ids.visibility,
+            &ids.depth,
+            &ahead.visibility,
+            &ahead.depth,
+            &self.picture,
+            &self.screen,
+        ];
+        let bytes = targets.map(|Target { texture, .. }| {
+            let texel = texture.format().block_copy_size(None).unwrap_or(4);
+            u64::from(texel) * u64::from(texture.width()) * u64::from(texture.height())
+        });
+        bytes.iter().sum::<u64>() + self.work.size() + self.workgroups.size()
+    }
+}
+
+/// Tiles of a picture of this size, one workgroup each.
+fn tiles((width, height): (u32, u32)) -> u64 {
+    let along = |side: u32| u64::from(side.div_ceil(bind::WORKGROUP_SIDE));
+    along(width) * along(height)
 }
 
 /// An array of textures of width, height, layers, to be filled piece by piece, and for what else it is used.

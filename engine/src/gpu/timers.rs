@@ -16,6 +16,8 @@ pub struct GpuMilliseconds {
     pub visibility: f64,
     /// Counting votes.
     pub feedback: f64,
+    /// Finding which materials each tile of the picture shows.
+    pub classify: f64,
     /// Shading.
     pub shade: f64,
     /// Tone mapping.
@@ -32,9 +34,10 @@ pub(super) enum Pass {
     Shade = 4,
     Tonemap = 6,
     Stitch = 8,
+    Classify = 10,
 }
 
-const TIMESTAMPS: u32 = 10;
+const TIMESTAMPS: u32 = 12;
 const BYTES: u64 = TIMESTAMPS as u64 * 8;
 /// Each pass is resolved to a place of its own.
 const RESOLVED_BYTES: u64 = TIMESTAMPS as u64 / 2 * wgpu::QUERY_RESOLVE_BUFFER_ALIGNMENT;
@@ -162,6 +165,7 @@ impl Timers {
             GpuMilliseconds {
                 visibility: pass(Pass::Visibility),
                 feedback: pass(Pass::Feedback),
+                classify: pass(Pass::Classify),
                 shade: pass(Pass::Shade),
                 tonemap: pass(Pass::Tonemap),
                 stitch: pass(Pass::Stitch),

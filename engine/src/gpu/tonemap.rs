@@ -49,6 +49,7 @@ impl Tonemap {
         groups: [&wgpu::BindGroup; 3],
         timestamp_writes: Option<wgpu::ComputePassTimestampWrites<'_>>,
     ) {
-        bind::dispatch(encoder, "tonemap", &self.pipeline, groups, size, timestamp_writes);
+        let mut pass = bind::pass(encoder, "tonemap", timestamp_writes);
+        bind::dispatch(&mut pass, &self.pipeline, &groups, size);
     }
 }

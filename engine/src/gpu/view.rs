@@ -1,6 +1,6 @@
 //! The camera as the shaders read it.
 
-use glam::{DVec3, Mat4, UVec2, Vec2};
+use glam::{DVec3, Mat4, UVec2, Vec2, Vec3};
 use scenes::{Camera, Scene};
 use shaders::mirror;
 
@@ -29,13 +29,15 @@ pub(super) fn set_camera(frame: &mut mirror::Frame, camera: &Camera, size: (u32,
 
 /// What depends on the scene alone.
 pub(super) fn frame(scene: &Scene) -> mirror::Frame {
+    let finite = |color: Vec3| if color.is_finite() { color } else { Vec3::ZERO };
     mirror::Frame {
         light_count: scene.lights.len() as u32,
-        ambient: scene.ambient,
-        background: scene.background,
+        ambient: finite(scene.ambient),
+        background: finite(scene.background),
         exposure: 1.0,
         feedback_stride: 1,
         page_scale: Vec2::ONE,
+        pixel_scale: 1.0,
         ..Default::default()
     }
 }

@@ -4,7 +4,7 @@ use crate::{
     Result,
     gpu::{
         Context, bind,
-        targets::{DEPTH, Targets, VISIBILITY},
+        targets::{DEPTH, Ids, VISIBILITY},
     },
 };
 
@@ -61,7 +61,7 @@ impl Visibility {
     pub(super) fn encode(
         &self,
         encoder: &mut wgpu::CommandEncoder,
-        targets: &Targets,
+        ids: &Ids,
         scene: &wgpu::BindGroup,
         draws: &[u32],
         timestamp_writes: Option<wgpu::RenderPassTimestampWrites<'_>>,
@@ -69,7 +69,7 @@ impl Visibility {
         let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: Some("visibility"),
             color_attachments: &[Some(wgpu::RenderPassColorAttachment {
-                view: &targets.visibility.view,
+                view: &ids.visibility.view,
                 depth_slice: None,
                 resolve_target: None,
                 ops: wgpu::Operations {
@@ -78,7 +78,7 @@ impl Visibility {
                 },
             })],
             depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
-                view: &targets.depth.view,
+                view: &ids.depth.view,
                 depth_ops: Some(wgpu::Operations {
                     load: wgpu::LoadOp::Clear(0.0),
                     store: wgpu::StoreOp::Discard,

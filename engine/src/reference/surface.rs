@@ -59,6 +59,8 @@ impl<'a> Placed<'a> {
     /// Where the ray of a pixel meets the plane of a triangle, and how that point moves from pixel to pixel.
     /// `None` for a triangle that the mesh does not have.
     ///
+    /// Normals, tangents and texture coordinates that are not finite count as zero.
+    ///
     /// Ray against plane after Möller, Trumbore 1997. The derivatives are exact at the pixel. A triangle
     /// seen edge on has no inside: its first corner stands for it, and derivatives are zero.
     pub fn meet(&self, triangle: u32, rays: &Rays, x: u32, y: u32) -> Option<SurfacePoint> {
@@ -88,12 +90,18 @@ impl<'a> Placed<'a> {
         let weights = [1.0 - bc.x - bc.y, bc.x, bc.y];
         let (mut normal, mut tangent, mut w) = (DVec3::ZERO, DVec3::ZERO, 0.0);
         for (corner, weight) in weights.into_iter().enumerate() {
-            normal += mesh.normals.get(at(corner))?.as_dvec3() * weight;
+            normal += finite(mesh.normals.get(at(corner))?.as_dvec3()) * weight;
             let vertex_tangent = mesh.tangents.get(at(corner))?.as_dvec4();
+            let vertex_tangent = Some(vertex_tangent)
+                .filter(|tangent| tangent.is_finite())
+                .unwrap_or_default();
             tangent += vertex_tangent.truncate() * weight;
             w += vertex_tangent.w * weight;
         }
-        let uv = |corner: usize| Some(mesh.uvs.get(at(corner))?.as_dvec2());
+        let uv = |corner: usize| {
+            let uv = mesh.uvs.get(at(corner))?.as_dvec2();
+            Some(if uv.is_finite() { uv } else { DVec2::ZERO })
+        };
         let uv_from_bc = |bc: DVec2| Some((uv(1)? - uv(0)?) * bc.x + (uv(2)? - uv(0)?) * bc.y);
         Some(SurfacePoint {
             material: mesh.material,
@@ -110,4 +118,8 @@ impl<'a> Placed<'a> {
             uv_dy: uv_from_bc(derivative(rays.dy))?,
         })
     }
+}
+
+fn finite(vector: DVec3) -> DVec3 {
+    if vector.is_finite() { vector } else { DVec3::ZERO }
 }

@@ -5,10 +5,13 @@ mod borders;
 mod budgets;
 mod changes;
 mod material;
+mod odd;
 mod pictures;
 mod prefetch;
 mod scene;
+mod shading;
 mod streams;
+mod votes;
 
 use std::time::Duration;
 

@@ -1,0 +1,60 @@
+// Eigen-textures of one group under a pixel: trilinear, and with new pages fading in.
+//
+// While a page's slot has a weight below one, the page is mixed with what its parent's entry names: what was shown
+// before it came. What is missing after the root is missing from the sum over groups.
+
+#import pages
+
+// By slot, 256 in a row.
+@group(1) @binding(5) var slot_weights: texture_2d<f32>;
+
+struct Eigen {
+    texture: vec4<f32>,
+    // The share that is shown: 1 but for roots that fade in.
+    shown: f32,
+}
+
+fn slot_weight(entry: u32) -> f32 {
+    let place = ((entry >> 16u) & 0x7ffu) * frame.layer_slots + ((entry >> 8u) & 0xffu) * frame.slot_columns + (entry & 0xffu);
+    return textureLoad(slot_weights, vec2(place & 0xffu, place >> 8u), 0).x;
+}
+
+// One mip from the page of an entry, which is that mip's or a coarser one's.
+fn eigen_mip(material: u32, group: u32, footprint: Footprint, entry: u32, mip: u32) -> Eigen {
+    if frame.fading == 0u {
+        return Eigen(page_texel(material, footprint, entry, mip), 1.0);
+    }
+    var sum = vec4(0.0);
+    var left = 1.0;
+    var page = entry;
+    while page != NONE && left > 0.0 {
+        let page_mip = page >> 27u;
+        let weight = slot_weight(page);
+        sum += left * weight * page_texel(material, footprint, page, max(mip, page_mip));
+        left *= 1.0 - weight;
+        if page_mip >= materials[material].tail_mip {
+            break;
+        }
+        page = page_table[page_row(material, footprint, page_mip + 1u) + 1u + group];
+    }
+    return Eigen(sum, 1.0 - left);
+}
+
+// `rows`: of the footprint's tile and of its parent. The first has a page for the group. Where both mips fall back
+// to one resident mip it is sampled once.
+fn eigen_texture(material: u32, group: u32, footprint: Footprint, rows: vec2<u32>) -> Eigen {
+    let coarsest = materials[material].mip_count - 1u;
+    let fine = page_table[rows.x + 1u + group];
+    let fine_mip = max(footprint.mip, fine >> 27u);
+    var result = eigen_mip(material, group, footprint, fine, fine_mip);
+    if footprint.blend > 0.0 {
+        let coarse = page_table[rows.y + 1u + group];
+        let coarse_mip = max(min(footprint.mip + 1u, coarsest), coarse >> 27u);
+        if coarse_mip != fine_mip {
+            let other = eigen_mip(material, group, footprint, coarse, coarse_mip);
+            result.texture = mix(result.texture, other.texture, footprint.blend);
+            result.shown = mix(result.shown, other.shown, footprint.blend);
+        }
+    }
+    return result;
+}
