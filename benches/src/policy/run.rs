@@ -190,12 +190,13 @@ mod tests {
     use super::*;
     use crate::policy::{Synthetic, generate};
 
-    /// Ours is at most 2 % above the exact optimum, on small instances. The exception are budgets that end within a set of
-    /// pages which are worth something only together, as above the structure of a weave: there by what the set holds.
+    /// Ours is at most 2 % above the exact optimum in 19 of 20 small instances, and never more than 10 %. The exceptions are
+    /// budgets that end within a set of pages which are worth something only together, as above the structure of a
+    /// weave, or that are short of one root for each visible material, which the optimum need not keep.
     #[test]
     fn ours_settles_next_to_the_optimum() {
         let mut ratios = Vec::new();
-        for seed in 0..8 {
+        for seed in 0..24 {
             let trace = generate(&Synthetic {
                 materials: 4,
                 side_texels: 256,

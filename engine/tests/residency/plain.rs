@@ -23,7 +23,7 @@ fn exceeds(a: &Rank, b: &Rank) -> bool {
 
 fn exceeds_by_margin(a: &Rank, b: &Rank) -> bool {
     let by = 1.0 + SWAP_MARGIN;
-    a.0 > b.0 || (a.0 == b.0 && (a.1 > b.1 * by || (a.1 == 0.0 && b.1 == 0.0 && a.2 > b.2 * by)))
+    (a.0 && !b.0) || (a.0 == b.0 && (a.1 > b.1 * by || (a.1 == 0.0 && b.1 == 0.0 && a.2 > b.2 * by)))
 }
 
 fn is_wanted(rank: &Rank) -> bool {
@@ -513,11 +513,11 @@ impl Plain {
                 .extend(gone.iter().map(|&slot| (items[slot], Slot(slot as u32))));
             let mut kept = items.clone();
             let mut free = gone.iter().filter(|slot| **slot < slots);
-            for from in slots..items.len() {
+            for (from, &item) in items.iter().enumerate().skip(slots) {
                 if !gone.contains(&from) {
                     let &to = free.next().expect("as many free slots as there are to move");
-                    kept[to] = items[from];
-                    let (item, from, to) = (items[from], Slot(from as u32), Slot(to as u32));
+                    kept[to] = item;
+                    let (from, to) = (Slot(from as u32), Slot(to as u32));
                     resized.moved.push(Move { item, from, to });
                 }
             }
