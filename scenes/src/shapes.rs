@@ -57,6 +57,7 @@ pub(crate) fn cells(columns: usize, rows: usize) -> Vec<u32> {
 
 /// A closed surface around the origin: `radius` by direction. Spherical coordinates; the poles, on y, are left open
 /// by less than a thousandth.
+#[cfg(feature = "synth")]
 pub(crate) fn star(columns: usize, rows: usize, repeats: Vec2, radius: impl Fn(Vec3) -> f32) -> Mesh {
     grid(columns, rows, repeats, |s, t| {
         let (around, up) = (s * TAU, (t - 0.5) * PI * 0.9995);
