@@ -20,13 +20,14 @@ pub(super) fn fill(pyramid: &Pyramid, tile: Tile, page: &mut Page, parent: Optio
     let (columns, rows) = axes(pyramid, tile, place);
     let (across, down) = (width + 2 * BORDER_TEXELS, height + 2 * BORDER_TEXELS);
     let inside = BORDER_TEXELS..BORDER_TEXELS + height;
+    let mut scratch = Scratch::new();
     for (x, y) in [
         (0..across, 0..BORDER_TEXELS),
         (0..across, inside.end..down),
         (0..BORDER_TEXELS, inside.clone()),
         (across - BORDER_TEXELS..across, inside.clone()),
     ] {
-        up_sample(page, parent, (&columns, x), (&rows, y));
+        up_sample(page, parent, (&columns, x), (&rows, y), &mut scratch);
     }
     repeat_edges(page, &columns, &rows);
 }
@@ -45,18 +46,41 @@ fn axes(pyramid: &Pyramid, tile: Tile, parent: Tile) -> (Axis, Axis) {
 /// Most floats of a side of the border.
 const STRIP: usize = (SLOT_TEXELS * BORDER_TEXELS * 4) as usize;
 
+/// Room for one side of the border.
+struct Scratch {
+    halves: [f16; STRIP],
+    source: [f32; STRIP],
+    wide: [f32; 2 * STRIP],
+    filled: [f32; STRIP],
+}
+
+impl Scratch {
+    fn new() -> Self {
+        Self {
+            halves: [f16::ZERO; STRIP],
+            source: [0.0; STRIP],
+            wide: [0.0; 2 * STRIP],
+            filled: [0.0; STRIP],
+        }
+    }
+}
+
 /// Fills a rectangle of the slot, one side of the border, from the parent.
 fn up_sample(
     page: &mut Page,
     parent: &Page,
     (columns, x): (&Axis, Range<u32>),
     (rows, y): (&Axis, Range<u32>),
+    Scratch {
+        halves,
+        source,
+        wide,
+        filled,
+    }: &mut Scratch,
 ) {
     let (from_x, from_y) = (columns.sources(x.clone()), rows.sources(y.clone()));
     let (from_width, width) = (from_x.len(), x.len());
     // All at once: half floats are converted in bulk.
-    let mut halves = [f16::ZERO; STRIP];
-    let mut source = [0f32; STRIP];
     for (to, row) in halves.chunks_exact_mut(4 * from_width).zip(from_y.clone()) {
         let start = (row * SLOT_TEXELS + from_x.start) as usize;
         to.copy_from_slice(parent.texels[start..start + from_width].as_flattened());
@@ -65,7 +89,6 @@ fn up_sample(
     halves[..count].convert_to_f32_slice(&mut source[..count]);
 
     // Along x, then along y.
-    let mut wide = [0f32; 2 * STRIP];
     let (wide, _) = wide.as_chunks_mut::<4>();
     for (to, from) in wide
         .chunks_exact_mut(width)
@@ -82,7 +105,6 @@ fn up_sample(
             }
         }
     }
-    let mut filled = [0f32; STRIP];
     let row_length = 4 * width;
     let wide = wide.as_flattened();
     for (to, position) in filled.chunks_exact_mut(row_length).zip(y.clone()) {
@@ -92,8 +114,9 @@ fn up_sample(
             *to = above + (below - above) * along;
         }
     }
-    halves.convert_from_f32_slice(&filled);
-    for (from, row) in halves.chunks_exact(row_length).zip(y) {
+    let count = row_length * y.len();
+    halves[..count].convert_from_f32_slice(&filled[..count]);
+    for (from, row) in halves[..count].chunks_exact(row_length).zip(y) {
         let start = (row * SLOT_TEXELS + x.start) as usize;
         page.texels[start..start + width]
             .as_flattened_mut()
