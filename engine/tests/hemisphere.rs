@@ -106,7 +106,7 @@ fn own_error(set: &[Direction], exponent: f64) -> f64 {
 #[test]
 fn resampling_costs_little_and_less_the_larger_the_maps() {
     for (name, set) in [("81", bonn81()), ("151", ubo151())] {
-        for (exponent, most) in [(1.0, 0.005), (20.0, 0.02), (200.0, 0.05)] {
+        for (exponent, most, share) in [(1.0, 0.005, 2.0), (20.0, 0.02, 0.6), (200.0, 0.05, 0.8)] {
             let own = own_error(&set, exponent);
             println!("{name} lights, lobe {exponent}: sampled {own:.4}");
             for cosine in [false, true] {
@@ -122,9 +122,10 @@ fn resampling_costs_little_and_less_the_larger_the_maps() {
                     errors.windows(2).all(|pair| pair[1] < 0.75 * pair[0]),
                     "{name} {cosine} {exponent}: {errors:?}"
                 );
+                // Errors add as squares: with a highlight the sum grows by a sixth, with a narrow one by a quarter.
                 assert!(
-                    exponent < 20.0 || chosen < 0.5 * own,
-                    "{name} {cosine}: {chosen} of {own}"
+                    chosen < share * own,
+                    "{name} {cosine} {exponent}: {chosen} of {own}"
                 );
             }
         }

@@ -50,20 +50,17 @@ fn one(theta: f64) -> Vec<Direction> {
     vec![Direction { theta, phi: 0.4 }]
 }
 
-fn line(phi: f64) -> Vec<Direction> {
-    let theta = |i: i32| f64::from(i) * 0.3;
-    (-4..=4).map(|i| Direction { theta: theta(i), phi }).collect()
+fn line() -> Vec<Direction> {
+    let at = |i: i32| Direction {
+        theta: f64::from(i.abs()) * 0.3,
+        phi: if i < 0 { 0.3 + std::f64::consts::PI } else { 0.3 },
+    };
+    (-4..=4).map(at).collect()
 }
 
-/// To the horizon and below it.
+/// To the horizon.
 fn deep() -> Vec<Direction> {
-    let rings = [
-        (0.0, 1),
-        (0.5, 6),
-        (1.0, 10),
-        (std::f64::consts::FRAC_PI_2, 14),
-        (1.8, 3),
-    ];
+    let rings = [(0.0, 1), (0.5, 6), (1.0, 10), (std::f64::consts::FRAC_PI_2, 14)];
     let ring = |(theta, count): (f64, u32)| {
         (0..count).map(move |i| Direction {
             theta,
@@ -110,31 +107,30 @@ fn errors_against_the_reference_are_those_stated() {
 #[test]
 fn few_samples_and_samples_anywhere_are_defined() {
     let (scene, camera) = still_life();
-    for (name, directions, most) in [
-        ("one", (|| one(0.7)) as fn() -> Vec<Direction>, 2e-3),
-        ("one at the normal", || one(0.0), 2e-3),
-        ("one at the horizon", || one(std::f64::consts::FRAC_PI_2), 2e-3),
-        ("one below", || one(2.5), 2e-3),
-        ("a line", || line(0.3), 2e-2),
-        ("the same place", || [one(0.7), one(0.7), one(0.7)].concat(), 2e-3),
-        ("to the horizon", deep, 4e-2),
+    let horizon = || one(std::f64::consts::FRAC_PI_2);
+    for (name, directions, cosine, most) in [
+        ("one", (|| one(0.7)) as fn() -> Vec<Direction>, true, 1e-3),
+        ("one at the normal", || one(0.0), false, 1e-3),
+        ("one at the horizon", horizon, false, 1e-3),
+        // It has a cosine of zero, and tells nothing of lights elsewhere.
+        ("one at the horizon, with cosine", horizon, true, 1.0),
+        ("a line", line, false, 4e-2),
+        ("a line, with cosine", line, true, 4e-2),
+        ("to the horizon", deep, false, 4e-2),
+        ("to the horizon, with cosine", deep, true, 4e-2),
     ] {
-        for cosine in [false, true] {
-            let recipe = Recipe {
-                directions,
-                cosine,
-                ..Default::default()
-            };
-            let archive = small(recipe).build();
-            for (angular, most) in WAYS.into_iter().zip([1e-3, most]) {
-                let (picture, exact) = shot(&scene, &camera, &archive, with(angular, (80, 45)));
-                assert!(picture.pixels.iter().flatten().all(|value| value.is_finite()));
-                let error = relative_rmse(&picture, &exact);
-                println!("{name}, cosine {cosine}, {angular:?}: {error:.1e}");
-                // Samples that include a cosine of zero tell nothing of lights elsewhere.
-                let tells = !(cosine && ["one at the horizon", "one below"].contains(&name));
-                assert!(error < most || !tells, "{name} {cosine} {angular:?}: {error}");
-            }
+        let recipe = Recipe {
+            directions,
+            cosine,
+            ..Default::default()
+        };
+        let archive = small(recipe).build();
+        for (angular, most) in WAYS.into_iter().zip([1e-3, most]) {
+            let (picture, exact) = shot(&scene, &camera, &archive, with(angular, (80, 45)));
+            assert!(picture.pixels.iter().flatten().all(|value| value.is_finite()));
+            let error = relative_rmse(&picture, &exact);
+            println!("{name}, {angular:?}: {error:.1e}");
+            assert!(error < most, "{name} {angular:?}: {error}");
         }
     }
 }
@@ -157,7 +153,8 @@ fn lights_at_the_limits_are_defined() {
         ..slanted(1.0)
     };
     let grazing = Camera {
-        eye: Vec3::new(0.3, 0.004, 1.6),
+        eye: Vec3::new(0.1, 0.02, 0.95),
+        target: Vec3::new(0.0, 0.02, -1.0),
         ..slanted(1.0)
     };
     let lights = [
@@ -179,11 +176,8 @@ fn lights_at_the_limits_are_defined() {
             to_light: to_light.normalize_or_zero(),
             irradiance: Vec3::ONE,
         }];
-        for (archive, camera) in archives
-            .iter()
-            .flat_map(|archive| [(archive, down), (archive, grazing)])
-        {
-            for (angular, most) in WAYS.into_iter().zip([1e-3, 2e-2]) {
+        for (archive, camera) in archives.iter().zip([down, grazing]) {
+            for (angular, most) in WAYS.into_iter().zip([1e-3, 5e-2]) {
                 let what = format!("{to_light} {angular:?}");
                 let (picture, exact) = shot(&square, &camera, archive, with(angular, (32, 24)));
                 let largest = picture.pixels.iter().flatten().fold(0f32, |a, b| a.max(b.abs()));
@@ -201,13 +195,17 @@ fn lights_at_the_limits_are_defined() {
 
 #[test]
 fn the_way_changes_at_run_time_and_back() {
-    let archive = Recipe::default().build();
+    let archive = Recipe {
+        groups: 3,
+        ..small(Recipe::default())
+    }
+    .build();
     let archives: &[(&str, &[u8])] = &[("weave", &archive)];
     let (scene, camera) = still_life();
     for wait in [true, false] {
         let options = |angular| Options {
             wait,
-            ..with(angular, (160, 90))
+            ..with(angular, (64, 36))
         };
         let fresh = WAYS.map(|angular| {
             let mut engine = engine(&scene, archives, options(angular));
@@ -219,7 +217,7 @@ fn the_way_changes_at_run_time_and_back() {
         // In the middle of things, and settled.
         engine.frame(&camera).unwrap();
         engine.frame(&camera).unwrap();
-        for turn in [1, 0, 1, 0] {
+        for turn in [1, 0] {
             engine.set_angular(WAYS[turn]).unwrap();
             let stats = *settle(&mut engine, &camera).last().unwrap();
             assert_eq!(stats.columns_resident, 3);
