@@ -11,6 +11,9 @@ use crate::{
     residency::{Item, Limits, Slot},
 };
 
+/// From slot to slot.
+type Moves = Vec<(Slot, Slot)>;
+
 impl Engine {
     /// What may be used of each resource.
     pub fn budgets(&self) -> Budgets {
@@ -75,7 +78,7 @@ impl Engine {
 
     /// Gives residency so many slots, and takes what loses its own out of the page table. Returns from where to where pages
     /// and columns that stay are to be moved.
-    fn set_slots(&mut self, page_slots: u32, column_slots: u32) -> (Vec<(Slot, Slot)>, Vec<(Slot, Slot)>) {
+    fn set_slots(&mut self, page_slots: u32, column_slots: u32) -> (Moves, Moves) {
         let before = self.residency.resident();
         let resized = self.residency.set_limits(Limits {
             page_slots,
@@ -85,7 +88,7 @@ impl Engine {
         });
         self.records
             .cancel(&resized.cancel, &self.btfs, &mut *self.source, &mut self.counters);
-        let (mut pages, mut columns): (Vec<(Slot, Slot)>, Vec<_>) = Default::default();
+        let (mut pages, mut columns): (Moves, Moves) = Default::default();
         for (item, from) in before {
             match (item, self.residency.slot(item)) {
                 (Item::Page(..), Some(to)) => pages.push((from, to)),
