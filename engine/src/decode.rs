@@ -17,7 +17,7 @@ use tileset::{Page, PageId, SLOT_AREA, archive::Index};
 
 use crate::{
     Result,
-    gpu::{column_cache::with_ambient, materials::Btf},
+    gpu::materials::Btf,
     residency::{Item, MaterialId},
 };
 
@@ -259,7 +259,7 @@ pub struct Job {
 pub enum Decoded {
     /// A page.
     Page(Arc<Page>),
-    /// A column, see [`with_ambient`].
+    /// A column, see [`Btf::cached_column`].
     Column(Vec<[f16; 4]>),
 }
 
@@ -295,7 +295,7 @@ impl Job {
             Item::Page(_, page) => page,
             Item::Column(_, group) => {
                 let column = decoder.column(group, &self.record)?;
-                return Ok(Decoded::Column(with_ambient(&column, &self.btf.ambient_weights)));
+                return Ok(Decoded::Column(self.btf.cached_column(&column)));
             }
         };
         while let Some((ancestor, record)) = self.above.pop() {

@@ -166,8 +166,8 @@ mirror! {
         pub tail_mip: u32,
         /// Light directions.
         pub lights: u32,
-        /// Not used.
-        pub pad: u32,
+        /// Texels along a side of a map of the light hemisphere.
+        pub map_side: u32,
         /// Views.
         pub view_directions: Triangulation,
         /// Lights.

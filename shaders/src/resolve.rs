@@ -43,12 +43,14 @@ embed!(
     "classify",
     "columns",
     "compact",
+    "delaunay",
     "directions",
     "eigen",
     "feedback",
     "finite",
     "frame",
     "geometry",
+    "hemisphere",
     "light",
     "material",
     "pages",
@@ -60,12 +62,29 @@ embed!(
     "work",
 );
 
+/// Imports that stand for one of several files, which define the same functions in different ways. The first is meant
+/// where none is chosen.
+pub const CHOICES: &[(&str, &[&str])] = &[("angular", &["delaunay", "hemisphere"])];
+
 /// The source of a shader file with all that it imports, each file once and before its first importer.
 ///
 /// # Errors
 /// [`Error::Unknown`] if there is no such shader, or one of its imports does not exist.
 pub fn shader(name: &str) -> Result<String, Error> {
-    resolve(name, &embedded)
+    variant(name, &[])
+}
+
+/// As [`shader`], with files for imports that are [`CHOICES`]: pairs of import and file.
+///
+/// # Errors
+/// [`Error`], naming importer and import.
+pub fn variant(name: &str, choices: &[(&str, &str)]) -> Result<String, Error> {
+    resolve(name, &|import| {
+        let chosen = choices.iter().find(|(choice, _)| *choice == import);
+        let first = CHOICES.iter().find(|(choice, _)| *choice == import);
+        let file = chosen.map(|(_, file)| *file).or(first.map(|(_, files)| files[0]));
+        embedded(file.unwrap_or(import))
+    })
 }
 
 /// As [`shader`], with the files from elsewhere.

@@ -5,15 +5,18 @@ use naga::{
     valid::{Capabilities, ValidationFlags, Validator},
 };
 use shaders::{
-    Field, Mirror, NAMES,
+    CHOICES, Field, Mirror, NAMES,
     mirror::{Frame, Instance, Light, Material, Mip, Strip, Triangulation, Vertex},
-    shader,
+    shader, variant,
 };
 
 fn parse(name: &str) -> Module {
-    let source = shader(name).unwrap();
-    naga::front::wgsl::parse_str(&source)
-        .unwrap_or_else(|error| panic!("{name}: {}", error.emit_to_string(&source)))
+    parse_source(name, &shader(name).unwrap())
+}
+
+fn parse_source(name: &str, source: &str) -> Module {
+    naga::front::wgsl::parse_str(source)
+        .unwrap_or_else(|error| panic!("{name}: {}", error.emit_to_string(source)))
 }
 
 /// The name of a type as it is written in WGSL.
@@ -122,6 +125,24 @@ fn every_entry_point_validates() {
             "visibility_vertex"
         ]
     );
+}
+
+#[test]
+fn every_choice_validates_and_is_another_shader() {
+    for (import, files) in CHOICES {
+        let sources: Vec<_> = files
+            .iter()
+            .map(|file| variant("shade", &[(import, file)]).unwrap())
+            .collect();
+        for (source, file) in sources.iter().zip(*files) {
+            Validator::new(ValidationFlags::all(), Capabilities::SHADER_FLOAT16_IN_FLOAT32)
+                .validate(&parse_source(file, source))
+                .unwrap_or_else(|error| panic!("{file}: {}", error.emit_to_string(source)));
+        }
+        assert_eq!(sources[0], shader("shade").unwrap());
+        assert!(sources[1..].iter().all(|source| *source != sources[0]));
+        assert!(variant("shade", &[(import, "nonsense")]).is_err());
+    }
 }
 
 #[test]

@@ -1,4 +1,4 @@
-// The column cache: eigen-ABRDFs of resident groups.
+// The column cache with columns as they were sampled: eigen-ABRDFs of resident groups.
 //
 // A column is a run of half floats [view][light][rgb][component], eight to a texel, stored row by row from the first
 // row of its slot. The light after the last is the pre-integrated ambient light. Texels are as large as they can be:
@@ -6,7 +6,7 @@
 
 #import frame
 
-@group(1) @binding(4) var columns: texture_2d_array<u32>;
+@group(2) @binding(3) var columns: texture_2d_array<u32>;
 
 // `slot` holds the layer in its upper and the first row in its lower half.
 fn column_texel(slot: u32, index: u32) -> vec4<u32> {

@@ -54,11 +54,14 @@ fn hull_taps(table: Triangulation, p: vec2<f32>) -> Taps {
     return best;
 }
 
-// The taps for a unit direction in the tangent frame; below the horizon counts as the horizon.
-fn direction_taps(table: Triangulation, direction: vec3<f32>) -> Taps {
-    let z = max(direction.z, 0.0);
+// Parabolic coordinates of a unit direction in the tangent frame; below the horizon counts as the horizon.
+fn parabolic(direction: vec3<f32>) -> vec2<f32> {
     let horizon = direction.xy / max(length(direction.xy), 1e-20);
-    let p = select(direction.xy / (1.0 + z), horizon, direction.z <= 0.0);
+    return select(direction.xy / (1.0 + max(direction.z, 0.0)), horizon, direction.z <= 0.0);
+}
+
+fn direction_taps(table: Triangulation, direction: vec3<f32>) -> Taps {
+    let p = parabolic(direction);
     let cell = min(vec2<u32>(max((p + 1.0) * (0.5 * START_CELLS), vec2(0.0))), vec2(u32(START_CELLS) - 1u));
     if table.triangle_count == 0u {
         return hull_taps(table, p);
@@ -75,7 +78,7 @@ fn direction_taps(table: Triangulation, direction: vec3<f32>) -> Taps {
         let least = min(weights.x, min(weights.y, weights.z));
         if least >= TOLERANCE {
             let inside = max(weights, vec3(0.0));
-            return Taps(vertices, inside / (inside.x + inside.y + inside.z), z, false);
+            return Taps(vertices, inside / (inside.x + inside.y + inside.z), max(direction.z, 0.0), false);
         }
         let across = select(select(2u, 1u, weights.y == least), 0u, weights.x == least);
         triangle = directions[word + 3u + across];

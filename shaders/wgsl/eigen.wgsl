@@ -6,7 +6,7 @@
 #import pages
 
 // By slot, 256 in a row.
-@group(1) @binding(5) var slot_weights: texture_2d<f32>;
+@group(1) @binding(4) var slot_weights: texture_2d<f32>;
 
 struct Eigen {
     texture: vec4<f32>,

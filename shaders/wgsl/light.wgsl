@@ -2,6 +2,8 @@
 
 #import surface
 
+const PI: f32 = 3.14159265358979;
+
 struct Light {
     // Unit vector towards a directional light, position of a point light; world space.
     vector: vec3<f32>,

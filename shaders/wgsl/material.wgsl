@@ -41,7 +41,8 @@ struct Material {
     tail_mip: u32,
     // Light directions; the pre-integrated ambient light follows them in a column.
     lights: u32,
-    pad: u32,
+    // Texels along a side of a map of the light hemisphere, where columns are such maps.
+    map_side: u32,
     view_directions: Triangulation,
     light_directions: Triangulation,
     mips: array<Mip, 17>,

@@ -1,12 +1,18 @@
-//! Budgets that change between frames.
+//! Budgets and forms of caches that change between frames.
+
+use std::{sync::Arc, time::Duration};
 
 use super::{Budgets, Engine};
 use crate::{
     Result,
+    angular::Angular,
     decode::PAGE_BYTES,
-    gpu::materials::Btf,
+    gpu::{Caches, materials::Btf},
     residency::{Item, Limits, Slot},
 };
+
+/// From slot to slot.
+type Moves = Vec<(Slot, Slot)>;
 
 impl Engine {
     /// What may be used of each resource.
@@ -30,10 +36,49 @@ impl Engine {
         self.resize_caches()
     }
 
+    /// Chooses how columns are interpolated, at once: all columns leave the cache and come back in the other form, from the
+    /// same archives. Waits for what is being decoded.
+    ///
+    /// # Errors
+    /// [`crate::Error::Budget`] if the column cache has no room for one column in that form; then all stays as it is.
+    /// [`crate::Error::Adapter`] if the device fails.
+    pub fn set_angular(&mut self, angular: Angular) -> Result<()> {
+        if angular == self.options.angular {
+            return Ok(());
+        }
+        let quads = self.btfs.iter().map(|btf| btf.column_quads_as(angular));
+        let caches = Caches {
+            angular,
+            ..self.options.caches()
+        };
+        self.renderer.layout(caches, quads.max().unwrap_or(0))?;
+        // Columns with the decoder still come in the old form.
+        while self.records.decoding() {
+            self.records.wait(Duration::from_millis(10));
+            let decoded = self.take_decoded();
+            self.place(decoded);
+        }
+        self.options.angular = angular;
+        for btf in &mut self.btfs {
+            Arc::make_mut(btf).angular = angular;
+        }
+        let (page_slots, _) = self.renderer.slots();
+        self.set_slots(page_slots, 0);
+        self.changed = true;
+        self.resize_caches()
+    }
+
     /// Makes the caches what budgets and known materials ask for.
     pub(super) fn resize_caches(&mut self) -> Result<()> {
         let layout = self.renderer.layout(self.options.caches(), self.column_quads())?;
         let (page_slots, column_slots) = layout.slots();
+        let (pages, columns) = self.set_slots(page_slots, column_slots);
+        self.renderer.resize_caches(layout, &pages, &columns)
+    }
+
+    /// Gives residency so many slots, and takes what loses its own out of the page table. Returns from where to where pages
+    /// and columns that stay are to be moved.
+    fn set_slots(&mut self, page_slots: u32, column_slots: u32) -> (Moves, Moves) {
         let before = self.residency.resident();
         let resized = self.residency.set_limits(Limits {
             page_slots,
@@ -43,7 +88,7 @@ impl Engine {
         });
         self.records
             .cancel(&resized.cancel, &self.btfs, &mut *self.source, &mut self.counters);
-        let (mut pages, mut columns): (Vec<(Slot, Slot)>, Vec<_>) = Default::default();
+        let (mut pages, mut columns): (Moves, Moves) = Default::default();
         for (item, from) in before {
             match (item, self.residency.slot(item)) {
                 (Item::Page(..), Some(to)) => pages.push((from, to)),
@@ -54,7 +99,7 @@ impl Engine {
                 }
             }
         }
-        self.renderer.resize_caches(layout, &pages, &columns)
+        (pages, columns)
     }
 
     /// Size of the largest column in the cache.

@@ -2,6 +2,7 @@
 
 use crate::{
     Error, Result,
+    angular::Angular,
     gpu::{Caches, Shading},
 };
 
@@ -62,6 +63,8 @@ pub struct Options {
     /// Root mean square reflectance that a pixel may lose because component groups are left out where they hardly matter;
     /// 0 leaves out nothing. Reflectance of a white surface is 1.
     pub component_error: f64,
+    /// How columns are interpolated between directions. [`super::Engine::set_angular`] changes it at run time.
+    pub angular: Angular,
     /// Frames in which a new page comes in; 0: at once. A view has settled when all are in.
     pub fade_frames: u32,
     /// Each frame waits for its own votes and for the picture, so that the same inputs give the same operations.
@@ -86,6 +89,7 @@ impl Default for Options {
             exposure_stops: 0.0,
             feedback_stride: 4,
             component_error: Shading::default().component_error,
+            angular: Angular::default(),
             fade_frames: Shading::default().fade_frames,
             wait: true,
         }
@@ -111,6 +115,7 @@ impl Options {
         Caches {
             page_bytes: self.page_cache_bytes,
             column_bytes: self.column_cache_bytes,
+            angular: self.angular,
         }
     }
 

@@ -1,7 +1,7 @@
 //! What an engine has to show, and what of it can be changed between frames.
 
 use super::{Counters, Engine, Event};
-use crate::{Result, gpu::ShadingWork, metrics::Picture, residency::Summary};
+use crate::{Result, angular::Angular, gpu::ShadingWork, metrics::Picture, residency::Summary};
 
 impl Engine {
     /// What residency knows of itself.
@@ -80,6 +80,16 @@ impl Engine {
     pub fn set_exposure_stops(&mut self, stops: f32) {
         self.changed |= stops != self.options.exposure_stops;
         self.options.exposure_stops = stops;
+    }
+
+    /// How columns are interpolated between directions.
+    pub fn angular(&self) -> Angular {
+        self.options.angular
+    }
+
+    /// Slots of the column cache, and bytes of each.
+    pub fn column_slots(&self) -> (u32, u64) {
+        self.renderer.column_slots()
     }
 
     /// Pixels.

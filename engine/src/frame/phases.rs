@@ -82,6 +82,9 @@ impl Engine {
             return Ok(());
         }
         let caches = self.options.caches();
+        for (_, btf) in &mut read {
+            btf.angular = self.options.angular;
+        }
         read.retain(|(archive, btf)| {
             let fits = self.renderer.layout(caches, btf.column_quads());
             let fits = fits.and_then(|_| self.renderer.add_btf(btf));
@@ -116,9 +119,14 @@ impl Engine {
 
     /// Hands out what has arrived, takes back what has been decoded.
     pub(super) fn decode(&mut self) -> Vec<(Item, Decoded)> {
-        let now = self.now();
         self.records
             .start_decoding(&self.btfs, &mut self.counters, &mut self.problems);
+        self.take_decoded()
+    }
+
+    /// Takes back what has been decoded.
+    pub(super) fn take_decoded(&mut self) -> Vec<(Item, Decoded)> {
+        let now = self.now();
         let decoded = self.records.finish_decoding(now, &self.btfs, &mut self.problems);
         for item in self.records.take_failed() {
             self.residency.failed(item);

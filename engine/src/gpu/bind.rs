@@ -199,7 +199,16 @@ pub(super) fn pipeline(
 
 /// The module of a shader.
 pub(super) fn module(context: &Context, name: &'static str) -> Result<wgpu::ShaderModule> {
-    let source = shaders::shader(name).map_err(|error| Error::Adapter(error.to_string()))?;
+    variant(context, name, &[])
+}
+
+/// The module of a shader, with imports that stand for other files; see [`shaders::variant`].
+pub(super) fn variant(
+    context: &Context,
+    name: &'static str,
+    choices: &[(&str, &str)],
+) -> Result<wgpu::ShaderModule> {
+    let source = shaders::variant(name, choices).map_err(|error| Error::Adapter(error.to_string()))?;
     Ok(context.device.create_shader_module(wgpu::ShaderModuleDescriptor {
         label: Some(name),
         source: wgpu::ShaderSource::Wgsl(source.into()),

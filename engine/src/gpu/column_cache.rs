@@ -1,12 +1,20 @@
 //! The column cache: eigen-ABRDFs of resident groups, in slots of the size of the scene's largest column.
 //!
+//! What a column is in the cache depends on how shading interpolates ([`Angular`]): the samples as they are, eight half
+//! floats a texel and without filtering, or maps of the light hemisphere, four half floats a texel, to be filtered.
+//!
 //! Source: Schwartz, Ruiters, Klein 2013, section 6 (columns come one by one) and section 7 (a further light holds
 //! the pre-integrated ambient term).
 
 use half::f16;
 use tileset::Column;
 
-use crate::{Error, Result, gpu::Context, residency::Slot};
+use crate::{
+    Error, Result,
+    angular::{Angular, ROW_TEXELS},
+    gpu::Context,
+    residency::Slot,
+};
 
 /// Narrowest and widest layer, in texels; a power of two, so that shaders split an index by shift and mask.
 const MIN_WIDTH_SHIFT: u32 = 7;
@@ -14,12 +22,20 @@ const MAX_WIDTH_SHIFT: u32 = 13;
 
 /// Bytes of one colour at one view and light: four components.
 const QUAD_BYTES: u64 = 8;
-/// Bytes of a texel: two of those.
-const TEXEL_BYTES: u64 = 16;
+
+/// Bytes of a texel: two of those, or one that can be filtered.
+const fn texel_bytes(angular: Angular) -> u64 {
+    match angular {
+        Angular::Delaunay => 2 * QUAD_BYTES,
+        Angular::Hemisphere => QUAD_BYTES,
+    }
+}
 
 /// How slots are laid out: each takes whole rows of a layer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Rows {
+    /// What columns are.
+    pub angular: Angular,
     /// Log2 of a layer's width in texels.
     pub width_shift: u32,
     /// Rows of a slot.
@@ -32,17 +48,28 @@ pub struct Rows {
 
 impl Rows {
     /// As many slots for columns of `quads` times four half floats as `budget_bytes` hold; `None` if that is none.
-    pub fn new(quads: u64, budget_bytes: u64, max_side: u32, max_layers: u32) -> Option<Self> {
-        let texels = (quads * QUAD_BYTES).div_ceil(TEXEL_BYTES).max(1);
-        let width_shift = (MIN_WIDTH_SHIFT..=MAX_WIDTH_SHIFT)
-            .find(|&shift| texels.div_ceil(1 << shift) <= u64::from(max_side))?;
+    pub fn new(
+        angular: Angular,
+        quads: u64,
+        budget_bytes: u64,
+        max_side: u32,
+        max_layers: u32,
+    ) -> Option<Self> {
+        let texel_bytes = texel_bytes(angular);
+        let texels = (quads * QUAD_BYTES).div_ceil(texel_bytes).max(1);
+        let mut widths = match angular {
+            Angular::Delaunay => MIN_WIDTH_SHIFT..=MAX_WIDTH_SHIFT,
+            Angular::Hemisphere => ROW_TEXELS.ilog2()..=ROW_TEXELS.ilog2(),
+        };
+        let width_shift = widths.find(|&shift| texels.div_ceil(1 << shift) <= u64::from(max_side))?;
         let slot_rows = texels.div_ceil(1 << width_shift) as u32;
-        let slots = budget_bytes / ((u64::from(slot_rows) << width_shift) * TEXEL_BYTES);
+        let slots = budget_bytes / ((u64::from(slot_rows) << width_shift) * texel_bytes);
         let layer_slots = slots
             .div_ceil(max_layers.into())
             .clamp(1, (max_side / slot_rows).into()) as u32;
         let layers = (slots / u64::from(layer_slots)).min(max_layers.into()) as u32;
         (layers > 0).then_some(Self {
+            angular,
             width_shift,
             slot_rows,
             layer_slots,
@@ -57,7 +84,7 @@ impl Rows {
 
     /// Bytes of a slot.
     pub fn slot_bytes(self) -> u64 {
-        (u64::from(self.slot_rows) << self.width_shift) * TEXEL_BYTES
+        (u64::from(self.slot_rows) << self.width_shift) * texel_bytes(self.angular)
     }
 
     /// Layer and first row of a slot.
@@ -92,9 +119,10 @@ impl ColumnCache {
     ///
     /// # Errors
     /// [`Error::Budget`] if there is no room for one column.
-    pub(super) fn rows(context: &Context, quads: u64, budget_bytes: u64) -> Result<Rows> {
+    pub(super) fn rows(context: &Context, angular: Angular, quads: u64, budget_bytes: u64) -> Result<Rows> {
         let limits = context.device.limits();
         Rows::new(
+            angular,
             quads,
             budget_bytes,
             limits.max_texture_dimension_2d,
@@ -102,7 +130,7 @@ impl ColumnCache {
         )
         .ok_or_else(|| {
             Error::Budget(format!(
-                "a column cache of {budget_bytes} bytes has no room for one column of {} bytes",
+                "a column cache of {budget_bytes} bytes on this adapter has no room for one column of {} bytes",
                 quads * QUAD_BYTES
             ))
         })
@@ -112,7 +140,10 @@ impl ColumnCache {
         let texture = super::targets::layers(
             context,
             "column cache",
-            super::targets::COLUMNS,
+            match rows.angular {
+                Angular::Delaunay => super::targets::COLUMNS,
+                Angular::Hemisphere => super::targets::MAPS,
+            },
             (
                 1 << rows.width_shift,
                 rows.slot_rows * rows.layer_slots,
@@ -125,7 +156,7 @@ impl ColumnCache {
         Self { rows, texture, view }
     }
 
-    /// Writes a column as [`with_ambient`] makes it.
+    /// Writes a column in the form that the cache has.
     pub(super) fn write(&self, context: &Context, slot: Slot, mut quads: Vec<[f16; 4]>) {
         let (layer, row) = self.rows.place(slot);
         quads.resize((self.rows.slot_bytes() / QUAD_BYTES) as usize, [f16::ZERO; 4]);
@@ -142,7 +173,7 @@ impl ColumnCache {
         );
     }
 
-    /// Copies slots of another cache, whose slots may be smaller, each from where to where, on the GPU.
+    /// Copies slots of another cache of the same form, whose slots may be smaller, each from where to where, on the GPU.
     pub(super) fn copy_from(&self, encoder: &mut wgpu::CommandEncoder, from: &Self, moves: &[(Slot, Slot)]) {
         for &(source, destination) in moves {
             for [from_place, to_place, size] in pieces(from.rows, self.rows, source, destination) {
@@ -212,12 +243,21 @@ mod tests {
 
     #[test]
     fn slots_fit_the_budget_and_the_limits() {
-        for quads in [1, 255, 12 * 3, 81 * 82 * 3, 151 * 152 * 3, 4096 * 4097 * 3] {
-            let bytes = Rows::new(quads, u64::MAX / 2, 8192, 256).unwrap().slot_bytes();
+        use Angular::{Delaunay, Hemisphere};
+        let columns = [1, 255, 12 * 3, 81 * 82 * 3, 151 * 152 * 3].map(|quads| (Delaunay, quads));
+        let maps = [1, 3 * 8 * 256, 3 * 32 * 19 * 256].map(|quads| (Hemisphere, quads));
+        assert_eq!(Rows::new(Hemisphere, 8193 * 256, u64::MAX / 2, 8192, 256), None);
+        for (angular, quads) in columns
+            .into_iter()
+            .chain(maps)
+            .chain([(Delaunay, 4096 * 4097 * 3)])
+        {
+            let rows = |bytes| Rows::new(angular, quads, bytes, 8192, 256);
+            let bytes = rows(u64::MAX / 2).unwrap().slot_bytes();
             assert!(bytes >= quads * 8 && bytes < quads * 8 + (16 << 13));
-            assert_eq!(Rows::new(quads, bytes - 1, 8192, 256), None);
+            assert_eq!(rows(bytes - 1), None);
             for slots in [1, 2, 255, 256, 257, 1000] {
-                let rows = Rows::new(quads, bytes * slots, 8192, 256).unwrap();
+                let rows = rows(bytes * slots).unwrap();
                 assert!(u64::from(rows.slots()) <= slots && rows.layers <= 256);
                 assert!(rows.slot_rows * rows.layer_slots <= 8192);
                 let last = Slot(rows.slots() - 1);
@@ -233,6 +273,7 @@ mod tests {
     #[test]
     fn pieces_copy_a_column_between_layers_of_any_width() {
         let rows = |width_shift, slot_rows| Rows {
+            angular: Angular::Delaunay,
             width_shift,
             slot_rows,
             layer_slots: 2,

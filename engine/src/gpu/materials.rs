@@ -1,12 +1,18 @@
 //! The table of materials, and where each one's parts lie in the shared tables.
 
+use std::sync::OnceLock;
+
 use glam::{UVec2, Vec2, Vec3};
+use half::f16;
 use scenes::{Material, Surface};
 use shaders::mirror;
-use tileset::{Manifest, Pyramid, archive::Index};
+use tileset::{Column, Manifest, Pyramid, archive::Index};
 
-use super::page_table::Region;
-use crate::{Error, Result, angular::Triangulation};
+use super::{column_cache::with_ambient, page_table::Region};
+use crate::{
+    Error, Result,
+    angular::{Angular, Hemisphere, Triangulation, map_side, map_texels},
+};
 
 /// A BTF of the scene: an archive whose index is known. Materials that name the same archive share it.
 #[derive(Clone, Debug)]
@@ -21,6 +27,10 @@ pub struct Btf {
     pub lights: Triangulation,
     /// By light: its share of the pre-integrated ambient light.
     pub ambient_weights: Vec<f64>,
+    /// What its columns are in the cache.
+    pub angular: Angular,
+    /// Made when it is needed.
+    hemisphere: OnceLock<Hemisphere>,
 }
 
 impl Btf {
@@ -39,6 +49,8 @@ impl Btf {
             views: Triangulation::new(views),
             lights: triangulated_lights,
             ambient_weights,
+            angular: Angular::default(),
+            hemisphere: OnceLock::new(),
             index,
         }
     }
@@ -53,10 +65,33 @@ impl Btf {
         &self.index.pyramid
     }
 
-    /// Four half floats each of a column in the cache: views × (lights and the ambient light) × 3.
+    /// Four half floats each of a column in the cache: views × (lights and the ambient light) × 3, or texels of maps.
     pub fn column_quads(&self) -> u64 {
+        self.column_quads_as(self.angular)
+    }
+
+    /// The same if columns were something else.
+    pub fn column_quads_as(&self, angular: Angular) -> u64 {
         let Manifest { views, lights, .. } = &self.index.manifest;
-        views.len() as u64 * (lights.len() as u64 + 1) * 3
+        match angular {
+            Angular::Delaunay => views.len() as u64 * (lights.len() as u64 + 1) * 3,
+            Angular::Hemisphere => map_texels(views.len(), map_side(lights.len())),
+        }
+    }
+
+    /// A decoded column as the cache holds it.
+    pub fn cached_column(&self, column: &Column) -> Vec<[f16; 4]> {
+        let samples = with_ambient(column, &self.ambient_weights);
+        match self.angular {
+            Angular::Delaunay => samples,
+            Angular::Hemisphere => self.hemisphere().maps(&samples),
+        }
+    }
+
+    fn hemisphere(&self) -> &Hemisphere {
+        let cosine = self.index.manifest.cosine;
+        self.hemisphere
+            .get_or_init(|| Hemisphere::new(&self.lights, cosine))
     }
 }
 
@@ -177,6 +212,7 @@ fn template(btf: &Btf, bases: Bases, base: u32, directions: &mut Vec<u32>) -> mi
         mip_count: pyramid.mip_count().into(),
         tail_mip: pyramid.tail_mip().into(),
         lights: manifest.lights.len() as u32,
+        map_side: map_side(manifest.lights.len()),
         view_directions: pack_directions(&btf.views, base, directions),
         light_directions: pack_directions(&btf.lights, base, directions),
         mips,

@@ -11,7 +11,7 @@ use super::{
     materials::Btf,
     readback,
     resources::{Caches, Groups, Layout, Materials, Passes, Shading},
-    shade::ShadingWork,
+    shade::{Shade, ShadingWork},
     stitch,
     targets::{Targets, WORK_HEADER_BYTES},
     timers::{Pass, Timers},
@@ -117,7 +117,8 @@ impl Renderer {
     }
 
     /// Replaces the caches. Pages and columns that stay move from slot to slot on the GPU; all others must have been
-    /// removed. Old and new caches are both in memory until the copies are done.
+    /// removed, and all columns where those become something else. Old and new caches are both in memory until the copies
+    /// are done.
     ///
     /// # Errors
     /// [`Error::Adapter`] if the device fails.
@@ -127,7 +128,12 @@ impl Renderer {
         pages: &[(Slot, Slot)],
         columns: &[(Slot, Slot)],
     ) -> Result<()> {
-        if layout != self.materials.layout() {
+        let old = self.materials.layout();
+        if layout != old {
+            if layout.columns.angular != old.columns.angular {
+                let Passes { scene, caches, .. } = &self.passes;
+                self.passes.shade = Shade::new(&self.context, scene, caches, layout.columns.angular)?;
+            }
             self.materials.resize(&self.context, layout, pages, columns);
             self.bind();
         }
@@ -167,6 +173,12 @@ impl Renderer {
         self.materials.layout().slots()
     }
 
+    /// Slots of the column cache, and bytes of each.
+    pub fn column_slots(&self) -> (u32, u64) {
+        let rows = self.materials.columns.rows;
+        (rows.slots(), rows.slot_bytes())
+    }
+
     /// Pixels.
     pub fn size(&self) -> (u32, u32) {
         self.targets.size
@@ -203,10 +215,8 @@ impl Renderer {
         self.materials.page_table.remove(btf, page);
     }
 
-    /// Writes a column, with its ambient entries ([`with_ambient`]), into a slot and enters it into the page table. Before
-    /// it the group's root was worth nothing: it comes in now.
-    ///
-    /// [`with_ambient`]: super::column_cache::with_ambient
+    /// Writes a column, in the [form](Btf::cached_column) that the cache has, into a slot and enters it into the page
+    /// table. Before it the group's root was worth nothing: it comes in now.
     pub fn place_column(&mut self, btf: usize, group: u16, slot: Slot, quads: Vec<[f16; 4]>) {
         let Materials {
             pages,

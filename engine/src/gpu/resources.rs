@@ -21,18 +21,20 @@ use super::{
     tonemap::Tonemap,
     visibility::Visibility,
 };
-use crate::{Result, residency::Slot};
+use crate::{Result, angular::Angular, residency::Slot};
 
 /// Reflectance of BTFs whose archives are not known yet.
 const UNKNOWN: Vec3 = Vec3::splat(0.18);
 
-/// Budgets of the caches.
+/// Budgets of the caches, and what lies in them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Caches {
     /// Bytes of the page cache.
     pub page_bytes: u64,
     /// Bytes of the column cache.
     pub column_bytes: u64,
+    /// What columns are.
+    pub angular: Angular,
 }
 
 /// How the caches are laid out within their budgets.
@@ -44,19 +46,22 @@ pub struct Layout {
 
 impl Layout {
     /// Room for one page, and for one column of next to nothing: all that a scene without known BTFs needs.
-    const NOTHING: Self = Self {
-        pages: Grid {
-            columns: 1,
-            rows: 1,
-            layers: 1,
-        },
-        columns: Rows {
-            width_shift: 7,
-            slot_rows: 1,
-            layer_slots: 1,
-            layers: 1,
-        },
-    };
+    const fn nothing(angular: Angular) -> Self {
+        Self {
+            pages: Grid {
+                columns: 1,
+                rows: 1,
+                layers: 1,
+            },
+            columns: Rows {
+                angular,
+                width_shift: 7,
+                slot_rows: 1,
+                layer_slots: 1,
+                layers: 1,
+            },
+        }
+    }
 
     /// What `caches` have room for, if the largest column has `column_quads` times four half floats; 0 if there is none.
     ///
@@ -65,11 +70,11 @@ impl Layout {
     pub(super) fn new(context: &Context, caches: Caches, column_quads: u64) -> Result<Self> {
         let pages = PageCache::grid(context, caches.page_bytes)?;
         if column_quads == 0 {
-            return Ok(Self::NOTHING);
+            return Ok(Self::nothing(caches.angular));
         }
         Ok(Self {
             pages,
-            columns: ColumnCache::rows(context, column_quads, caches.column_bytes)?,
+            columns: ColumnCache::rows(context, caches.angular, column_quads, caches.column_bytes)?,
         })
     }
 
@@ -146,13 +151,12 @@ impl Passes {
         let storage = [Binding::Storage; 5];
         let scene = [&[Binding::Uniform], &storage[..]].concat();
         let scene = bind::layout(context, "scene", Stages::VERTEX | Stages::COMPUTE, &scene);
-        // Page table, directions, pages, columns, weights of slots.
+        // Page table, directions, pages, weights of slots.
         let caches = [
             Binding::Storage,
             Binding::Storage,
             Binding::Layers,
             Binding::Sampler,
-            Binding::Words,
             Binding::Floats,
         ];
         let caches = bind::layout(context, "caches", Stages::COMPUTE, &caches);
@@ -160,7 +164,7 @@ impl Passes {
             visibility: Visibility::new(context, &scene)?,
             feedback: Feedback::new(context, &scene, &caches)?,
             classify: Classify::new(context, &scene)?,
-            shade: Shade::new(context, &scene, &caches)?,
+            shade: Shade::new(context, &scene, &caches, Angular::default())?,
             tonemap: Tonemap::new(context, &scene, &caches)?,
             stitch: Stitch::new(context)?,
             scene,
@@ -175,15 +179,16 @@ impl Materials {
         let tables = Tables::default();
         let unknown = tables.materials(scene_materials, &vec![None; scene_materials.len()], UNKNOWN);
         let shading = Shading::default();
-        let fade = Fade::new(shading.fade_frames, Layout::NOTHING.slots().0);
+        let nothing = Layout::nothing(Angular::default());
+        let fade = Fade::new(shading.fade_frames, nothing.slots().0);
         Ok(Self {
             table: bind::storage(context, "materials", &unknown)?,
             tables,
             directions: Growing::new(context, "directions"),
             page_table: PageTable::default(),
             page_table_buffer: Growing::new(context, "page tables"),
-            pages: PageCache::new(context, Layout::NOTHING.pages),
-            columns: ColumnCache::new(context, Layout::NOTHING.columns),
+            pages: PageCache::new(context, nothing.pages),
+            columns: ColumnCache::new(context, nothing.columns),
             shading,
             slot_weights: SlotWeights::new(context, &fade),
             fade,
@@ -229,7 +234,8 @@ impl Materials {
     }
 
     /// Makes caches of another layout and moves there, on the GPU, what stays: pages and columns from slot to slot. The
-    /// page table must name only those. A cache whose layout stays is left alone; in it nothing moves.
+    /// page table must name only those. A cache whose layout stays is left alone; in it nothing moves. Where columns become
+    /// something else, none stay.
     pub(super) fn resize(
         &mut self,
         context: &Context,
@@ -248,7 +254,9 @@ impl Materials {
         }
         if layout.columns != old.columns {
             let resized = ColumnCache::new(context, layout.columns);
-            resized.copy_from(&mut encoder, &self.columns, columns);
+            if layout.columns.angular == old.columns.angular {
+                resized.copy_from(&mut encoder, &self.columns, columns);
+            }
             self.columns = resized;
         }
         context.queue.submit([encoder.finish()]);
@@ -321,7 +329,6 @@ impl Groups {
             materials.directions.buffer.as_entire_binding(),
             TextureView(&materials.pages.view),
             Sampler(&materials.pages.sampler),
-            TextureView(&materials.columns.view),
             TextureView(&materials.slot_weights.view),
         ];
         Self {
@@ -331,7 +338,7 @@ impl Groups {
             feedback: passes.feedback.bind(context, &targets.ids),
             ahead_feedback: passes.feedback.bind(context, &targets.ahead),
             classify: passes.classify.bind(context, targets),
-            shade: passes.shade.bind(context, targets),
+            shade: passes.shade.bind(context, targets, &materials.columns),
             tonemap: passes.tonemap.bind(context, targets),
             stitch: passes.stitch.bind(context, &materials.pages),
         }

@@ -4,9 +4,11 @@ use serde::Serialize;
 
 use crate::{
     Result,
+    angular::Angular,
     gpu::{
         Context,
         bind::{self, Binding},
+        column_cache::ColumnCache,
         targets::{PICTURE, Targets},
     },
 };
@@ -15,7 +17,7 @@ use crate::{
 const KINDS: [&str; 3] = ["shade_btf", "shade_diffuse", "shade_mixed"];
 
 /// What shading a picture took: sums over its pixels of component groups, each of which would cost a fetch from each of
-/// two mips and from nine places of its column for each light.
+/// two mips and [some](Angular::fetches) from its column for each light.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct ShadingWork {
     /// Items by kind: one BTF, one diffuse material, or more than two materials in a tile of 8 × 8 pixels.
@@ -39,10 +41,20 @@ impl Shade {
         context: &Context,
         scene: &wgpu::BindGroupLayout,
         caches: &wgpu::BindGroupLayout,
+        angular: Angular,
     ) -> Result<Self> {
-        let bindings = [Binding::Integers, Binding::Picture(PICTURE), Binding::Counters];
+        let (columns, file) = match angular {
+            Angular::Delaunay => (Binding::Words, "delaunay"),
+            Angular::Hemisphere => (Binding::Layers, "hemisphere"),
+        };
+        let bindings = [
+            Binding::Integers,
+            Binding::Picture(PICTURE),
+            Binding::Counters,
+            columns,
+        ];
         let layout = bind::layout(context, "shade", wgpu::ShaderStages::COMPUTE, &bindings);
-        let module = bind::module(context, "shade")?;
+        let module = bind::variant(context, "shade", &[("angular", file)])?;
         let pipelines = KINDS.map(|kind| bind::pipeline(context, &module, kind, &[scene, caches, &layout]));
         Ok(Self {
             pipelines: pipelines.into(),
@@ -50,12 +62,18 @@ impl Shade {
         })
     }
 
-    pub(super) fn bind(&self, context: &Context, targets: &Targets) -> wgpu::BindGroup {
+    pub(super) fn bind(
+        &self,
+        context: &Context,
+        targets: &Targets,
+        columns: &ColumnCache,
+    ) -> wgpu::BindGroup {
         use wgpu::BindingResource::TextureView;
         let resources = [
             TextureView(&targets.ids.visibility.view),
             TextureView(&targets.picture.view),
             targets.work.as_entire_binding(),
+            TextureView(&columns.view),
         ];
         bind::group(context, "shade", &self.layout, &resources)
     }

@@ -15,6 +15,8 @@ pub(super) const SCREEN: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
 pub(super) const PAGES: wgpu::TextureFormat = wgpu::TextureFormat::Rgba16Float;
 /// Columns are not: eight half floats a texel, as words.
 pub(super) const COLUMNS: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Uint;
+/// Unless they are maps of the light hemisphere: four half floats a texel.
+pub(super) const MAPS: wgpu::TextureFormat = wgpu::TextureFormat::Rgba16Float;
 
 /// A texture and its view.
 pub(super) struct Target {

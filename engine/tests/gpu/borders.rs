@@ -72,6 +72,7 @@ impl Model {
         let caches = Caches {
             page_bytes: slots * SLOT_BYTES,
             column_bytes: 1 << 20,
+            angular: Default::default(),
         };
         for btf in &btfs {
             renderer.add_btf(btf).unwrap();

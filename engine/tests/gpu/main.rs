@@ -1,5 +1,6 @@
 //! The renderer on a real adapter, hardware or software. A machine without one fails here.
 
+mod angular;
 mod arrivals;
 mod borders;
 mod budgets;

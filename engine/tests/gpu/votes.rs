@@ -39,6 +39,7 @@ fn renderer(scene: &Scene, btfs: &[Btf], btf_of: &[Option<usize>]) -> Renderer {
     let caches = Caches {
         page_bytes: 1 << 20,
         column_bytes: 1 << 20,
+        angular: Default::default(),
     };
     for btf in btfs {
         renderer.add_btf(btf).unwrap();
