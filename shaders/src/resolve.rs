@@ -43,6 +43,7 @@ embed!(
     "classify",
     "columns",
     "compact",
+    "decode",
     "directions",
     "eigen",
     "feedback",
