@@ -155,14 +155,14 @@ fn decode_border(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocat
     }
     // In quarters of the parent's texels: a texel's centre lies half way to the border, and a quarter of a texel off.
     let quarters = 4u * page.parent + 2u * at - (2u * BORDER + 1u);
-    let from = quarters / 4u;
+    let first = quarters / 4u;
     let along = vec2<f32>(quarters % 4u) * 0.25;
     let layer = page.parent_layer;
     let corners = array(
-        textureLoad(parents, from, layer, 0),
-        textureLoad(parents, from + vec2(1u, 0u), layer, 0),
-        textureLoad(parents, from + vec2(0u, 1u), layer, 0),
-        textureLoad(parents, from + vec2(1u), layer, 0),
+        textureLoad(parents, first, layer, 0),
+        textureLoad(parents, first + vec2(1u, 0u), layer, 0),
+        textureLoad(parents, first + vec2(0u, 1u), layer, 0),
+        textureLoad(parents, first + vec2(1u), layer, 0),
     );
     let above = corners[0] + (corners[1] - corners[0]) * along.x;
     let below = corners[2] + (corners[3] - corners[2]) * along.x;
@@ -182,8 +182,8 @@ fn decode_store(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocati
         let bounds = known(page);
         let inside = all(at >= bounds[0]) && all(at <= bounds[1]);
         let edge = clamp(at, vec2(BORDER), BORDER + page.size - 1u);
-        let from = select(at, edge, inside);
-        let packed = texels[group.y * SLOT * SLOT + from.y * SLOT + from.x];
+        let source = select(at, edge, inside);
+        let packed = texels[group.y * SLOT * SLOT + source.y * SLOT + source.x];
         texel = vec4(unpack2x16float(packed.x), unpack2x16float(packed.y));
     }
     textureStore(slots, page.slot + at, page.layer, texel);
