@@ -23,8 +23,6 @@ struct DecodedPage {
 const SIDE: u32 = 16u;
 const BORDER: u32 = 4u;
 const SLOT: u32 = 72u;
-// In a block's word: its coefficients are whole floats.
-const WHOLE: u32 = 0x8000u;
 const HALF_MAX: f32 = 65504.0;
 
 @group(0) @binding(0) var<storage, read> decoded: array<DecodedPage>;
@@ -63,15 +61,17 @@ fn places_before(size: vec2<u32>, place: vec2<u32>) -> i32 {
 // A coefficient of a block that the parent does not give, by its number in the scan.
 fn coefficient(page: DecodedPage, block: u32, number: u32) -> vec4<f32> {
     let word = words[page.words + block];
-    if number >= (word & (WHOLE - 1u)) {
+    if number >= (word & 0xffu) {
         return vec4(0.0);
     }
     let first = page.words + (word >> 16u);
-    if (word & WHOLE) != 0u {
+    // The first of them are whole floats.
+    let whole = (word >> 8u) & 0xffu;
+    if number < whole {
         let at = first + 4u * number;
         return bitcast<vec4<f32>>(vec4(words[at], words[at + 1u], words[at + 2u], words[at + 3u]));
     }
-    let at = first + 2u * number;
+    let at = first + 2u * (number + whole);
     return vec4(unpack2x16float(words[at]), unpack2x16float(words[at + 1u]));
 }
 

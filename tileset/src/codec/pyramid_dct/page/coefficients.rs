@@ -3,35 +3,41 @@
 //! Entropy decoding cannot be split; all that follows it can: the transform of the parent's texels, the inverse
 //! transform, the border. [`Coefficients`] is what lies between. Words, so that a GPU reads them as they are:
 //!
-//! - For each block of 16×16 texels of the payload, row by row, one word: in bits 0 to 14 how many coefficients of its
-//!   scan are given, the others being zero; in bit 15 whether they are whole floats; from bit 16 on where they begin.
-//! - The coefficients of the four components in units of the step: two words of half floats, or four of floats.
+//! - For each block of 16×16 texels of the payload, row by row, one word: in bits 0 to 7 how many coefficients of its
+//!   scan are given, the others being zero; in bits 8 to 15 how many of these, the first ones, are whole floats; from bit
+//!   16 on where they begin.
+//! - The coefficients of the four components in units of the step: four words of floats, or two of half floats.
 //!
 //! Halves are taken only where they are exact. Coefficients in steps are multiples of 1/128, so that up to 16 steps
-//! they always are; nothing is rounded between the record and the texel but by the arithmetic itself.
+//! they always are, and what is larger has low frequencies, which come first. Nothing is rounded between the record and
+//! the texel but by the arithmetic itself.
 //!
 //! The scan goes by diagonals of rising `u + v`, on each of them by rising `v`, and leaves out the lowest
 //! ⌈width/2⌉ × ⌈height/2⌉ coefficients. Those are the forward DCT of the parent's texels under the block, times
 //! √(texels of the block / texels of the parent).
 
 use half::f16;
-use half::slice::HalfFloatSliceExt;
 
 use super::{Blocks, parent_origin, scan_of, step_at};
 use crate::codec::page::check_step;
 use crate::codec::pyramid_dct::border;
 use crate::codec::pyramid_dct::dispatch::{self, Processor};
 use crate::codec::pyramid_dct::levels::Reader;
+use crate::codec::pyramid_dct::scan::Place;
 use crate::codec::pyramid_dct::tables::PageTables;
 use crate::codec::pyramid_dct::transform::{AREA, Block, SIDE};
 use crate::codec::texel::Texel;
 use crate::error::corrupt;
 use crate::{Error, PAGE_TEXELS, PageId, Pyramid, Result};
 
-/// Bit of a block's word: its coefficients are whole floats.
-const WHOLE: u32 = 1 << 15;
-/// Bits below where a block's coefficients begin.
+/// Bits of a block's word below the number of whole floats.
+const WHOLE_SHIFT: u32 = 8;
+/// Bits below where its coefficients begin.
 const START_SHIFT: u32 = 16;
+/// Most coefficients of a block that the parent does not give.
+const MAX_COUNT: usize = AREA - AREA / 4;
+/// Coefficients that are converted together.
+const CHUNK: usize = 16;
 /// Blocks of a page.
 const MAX_BLOCKS: usize = (PAGE_TEXELS as usize / SIDE).pow(2);
 
@@ -53,7 +59,7 @@ pub struct Coefficients {
 
 impl Coefficients {
     /// Most words of a page: all that the parent does not give of a full page, as whole floats.
-    pub const MAX_WORDS: usize = MAX_BLOCKS + MAX_BLOCKS * (AREA - AREA / 4) * 4;
+    pub const MAX_WORDS: usize = MAX_BLOCKS + MAX_BLOCKS * MAX_COUNT * 4;
 }
 
 /// Entropy decodes a page's record; see [`crate::codec::Decoder::coefficients`].
@@ -108,49 +114,90 @@ impl dispatch::Work for Walk<'_> {
         let Some(reader) = &mut self.reader else {
             return Ok(words);
         };
+        // What most pages need.
+        words.reserve(count * MAX_COUNT * 2);
         let mut spare = None;
         let mut block: Block = [Texel::default(); AREA];
+        let mut values = Values::new();
         for (at, corner) in self.blocks.corners().enumerate() {
             let scan = scan_of(&self.blocks.place(corner), &mut spare);
             block.fill(Texel::default());
             let end = processor.read(reader, scan, 1.0, &mut block);
-            let mut values = [[0f32; 4]; AREA];
-            let mut count = 0;
-            for (place, (number, value)) in scan.places(end).iter().zip((1..).zip(&mut values)) {
-                *value = block[usize::from(place.at)].0;
-                if *value != [0.0; 4] {
-                    count = number;
-                }
-            }
-            words[at] = count as u32 | (words.len() as u32) << START_SHIFT;
-            if !push_halves(&mut words, &values[..count]) {
-                words[at] |= WHOLE;
-                words.extend(values[..count].as_flattened().iter().map(|value| value.to_bits()));
-            }
+            values.gather(processor, scan.places(end), &block);
+            let (count, whole) = (values.count as u32, values.whole as u32);
+            words[at] = count | whole << WHOLE_SHIFT | (words.len() as u32) << START_SHIFT;
+            values.push(&mut words);
         }
         self.reader.map_or(Ok(()), Reader::finish)?;
         Ok(words)
     }
 }
 
-/// Appends values as half floats, if all of them are.
-fn push_halves(words: &mut Vec<u32>, values: &[[f32; 4]]) -> bool {
-    let mut halves = [[f16::ZERO; 4]; AREA];
-    let mut back = [[0f32; 4]; AREA];
-    let (halves, back) = (&mut halves[..values.len()], &mut back[..values.len()]);
-    halves
-        .as_flattened_mut()
-        .convert_from_f32_slice(values.as_flattened());
-    halves
-        .as_flattened()
-        .convert_to_f32_slice(back.as_flattened_mut());
-    let exact = *back == *values;
-    if exact {
-        // The first component of two in the lower half, on every platform.
-        let pairs = halves.as_flattened().as_chunks::<2>().0.iter();
-        words.extend(pairs.map(|[low, high]| u32::from(low.to_bits()) | u32::from(high.to_bits()) << 16));
+/// Coefficients of a block in the order of the scan.
+struct Values {
+    floats: [[f32; 4 * CHUNK]; MAX_COUNT / CHUNK],
+    halves: [[f16; 4 * CHUNK]; MAX_COUNT / CHUNK],
+    /// Up to the last one that is not zero.
+    count: usize,
+    /// Up to the last one that is no half float.
+    whole: usize,
+}
+
+impl Values {
+    fn new() -> Self {
+        Self {
+            floats: [[0.0; _]; _],
+            halves: [[f16::ZERO; _]; _],
+            count: 0,
+            whole: 0,
+        }
     }
-    exact
+
+    #[inline(always)]
+    fn gather(&mut self, processor: impl Processor, places: &[Place], block: &Block) {
+        (self.count, self.whole) = (0, 0);
+        let chunks = self.floats.iter_mut().zip(&mut self.halves);
+        for (chunk, (places, (floats, halves))) in places.chunks(CHUNK).zip(chunks).enumerate() {
+            for (to, place) in floats.as_chunks_mut::<4>().0.iter_mut().zip(places) {
+                *to = block[usize::from(place.at)].0;
+            }
+            *halves = processor.halves(floats);
+            let (first, last) = halves.split_at(2 * CHUNK);
+            let back = [first, last].map(|half| match half.try_into() {
+                Ok(half) => processor.floats(half),
+                Err(_) => unreachable!("half of a chunk"),
+            });
+            let all = floats
+                .as_chunks::<4>()
+                .0
+                .iter()
+                .zip(back.as_flattened().as_chunks::<4>().0);
+            for (number, (value, back)) in (chunk * CHUNK + 1..).zip(all).take(places.len()) {
+                if *value != [0.0; 4] {
+                    self.count = number;
+                }
+                if value != back {
+                    self.whole = number;
+                }
+            }
+        }
+    }
+
+    /// Appends whole floats, then halves.
+    #[inline(always)]
+    fn push(&self, words: &mut Vec<u32>) {
+        let whole = &self.floats.as_flattened()[..4 * self.whole];
+        words.extend(whole.iter().map(|value| value.to_bits()));
+        // The first component of two in the lower half, on every platform.
+        let halves = self.halves.as_flattened()[4 * self.whole..4 * self.count]
+            .as_chunks::<2>()
+            .0;
+        words.extend(
+            halves
+                .iter()
+                .map(|[low, high]| u32::from(low.to_bits()) | u32::from(high.to_bits()) << 16),
+        );
+    }
 }
 
 #[cfg(test)]
@@ -166,15 +213,16 @@ mod tests {
     /// A block's coefficient, if its record gives one, as a shader finds it.
     fn coefficient(words: &[u32], block: usize, number: usize) -> [f64; 4] {
         let word = words[block];
-        if number >= (word % WHOLE) as usize {
-            return [0.0; 4];
-        }
+        let (count, whole) = ((word & 0xff) as usize, (word >> WHOLE_SHIFT & 0xff) as usize);
         let start = (word >> START_SHIFT) as usize;
         std::array::from_fn(|c| {
-            if word & WHOLE != 0 {
+            if number >= count {
+                return 0.0;
+            }
+            if number < whole {
                 return f32::from_bits(words[start + 4 * number + c]).into();
             }
-            let pair = words[start + 2 * number + c / 2];
+            let pair = words[start + 2 * (number + whole) + c / 2];
             f16::from_bits((pair >> (16 * (c % 2))) as u16).into()
         })
     }
@@ -284,12 +332,29 @@ mod tests {
     }
 
     #[test]
-    fn large_values_are_whole_floats() {
+    fn values_are_whole_floats_up_to_the_last_that_is_no_half() {
+        let scan = crate::codec::pyramid_dct::scan::Scan::new((SIDE, SIDE), (8, 8));
+        let places = scan.places(31);
+        let mut block: Block = [Texel::default(); AREA];
+        let mut values = Values::new();
+        let mut gathered = |at: usize, value: f32| {
+            block[usize::from(places[at].at)].0[2] = value;
+            values.gather(dispatch::Any, places, &block);
+            (values.count, values.whole)
+        };
+        assert_eq!(gathered(191, 0.0), (0, 0));
+        assert_eq!(gathered(3, 2048.0), (4, 0));
+        assert_eq!(gathered(7, 16.0 - 1.0 / 128.0), (8, 0));
+        assert_eq!(gathered(5, 16.0 + 1.0 / 128.0), (8, 6));
+        assert_eq!(gathered(191, 268_435_456.0), (192, 192));
+        assert_eq!(gathered(191, -1.0), (192, 6));
         let mut words = Vec::new();
-        assert!(push_halves(&mut words, &[[15.9921875, -0.0078125, 0.0, 2048.0]]));
-        assert_eq!(words.len(), 2);
-        assert!(!push_halves(&mut words, &[[16.0 + 1.0 / 128.0, 0.0, 0.0, 0.0]]));
-        assert!(!push_halves(&mut words, &[[268_435_456.0, 0.0, 0.0, 0.0]]));
-        assert_eq!(words.len(), 2);
+        values.push(&mut words);
+        assert_eq!(words.len(), 6 * 4 + 186 * 2);
+        assert_eq!(words[5 * 4 + 2], (16.0f32 + 1.0 / 128.0).to_bits());
+        assert_eq!(
+            words[6 * 4 + 2 + 1],
+            u32::from(f16::from_f32(16.0 - 1.0 / 128.0).to_bits())
+        );
     }
 }
