@@ -35,7 +35,8 @@ pub struct Budgets {
 /// Where pages are made of what entropy decoding leaves, which is always the workers'.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Decode {
-    /// On the GPU, unless that is a program on the same processor.
+    /// On the GPU, which spares host memory, decoding ancestors again, and a third of the bytes to upload; on the workers
+    /// where the GPU is a program on the same processor, which takes ten times as long. See docs/results.md.
     #[default]
     Auto,
     /// On the workers, to texels.

@@ -137,7 +137,8 @@ impl<'a> Bench<'a> {
         let mut differ = 0;
         for at in 0..SLOT_AREA {
             let (x, y) = (at as u32 % SLOT_TEXELS, at as u32 / SLOT_TEXELS);
-            if !with_border && !(inside(x, payload.0) && inside(y, payload.1)) {
+            let in_payload = inside(x, payload.0) && inside(y, payload.1);
+            if !with_border && !in_payload {
                 continue;
             }
             for (found, wanted) in found.texels[at].iter().zip(wanted.texels[at]) {
@@ -279,9 +280,9 @@ fn both_ways_settle_to_the_same_picture() {
     };
     let (on_cpu, cpu) = settled(Decode::Cpu);
     let (on_gpu, gpu) = settled(Decode::Gpu);
-    // 80 dB below the picture's own root mean square.
+    // 100 dB below the picture's own root mean square.
     let error = relative_rmse(&on_gpu, &on_cpu);
-    assert!(error > 0.0 && error < 1e-4, "{error}");
+    assert!(error > 0.0 && error < 1e-5, "{error}");
     assert_eq!(cpu.pages_resident, gpu.pages_resident);
     // No decoded parents on the host.
     assert!(
