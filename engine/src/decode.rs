@@ -6,6 +6,8 @@
 //! that it meets on the way itself, so that it gets there however small the budget. What it then needs is a [`Job`],
 //! which any thread can run.
 //!
+//! Where the GPU decodes, a page is entropy decoded alone: its parent is in the page cache, and the host keeps none.
+//!
 //! Source: Schwartz, Ruiters, Klein 2013, section 6 (the client keeps received tiles for their children).
 
 use std::sync::Arc;
@@ -13,7 +15,7 @@ use std::sync::Arc;
 use bytes::Bytes;
 use half::f16;
 use lru::LruCache;
-use tileset::{Page, PageId, SLOT_AREA, archive::Index};
+use tileset::{Page, PageId, SLOT_AREA, archive::Index, codec::pyramid_dct::Coefficients};
 
 use crate::{
     Result,
@@ -23,6 +25,8 @@ use crate::{
 
 /// Bytes of a decoded page.
 pub const PAGE_BYTES: u64 = SLOT_AREA as u64 * 8;
+/// Most bytes of a page's coefficients.
+const COEFFICIENTS_BYTES: u64 = Coefficients::MAX_WORDS as u64 * 4;
 /// Bytes that an entry of the store takes beside its contents.
 const ENTRY_BYTES: u64 = 128;
 
@@ -133,6 +137,12 @@ pub struct Pending {
     pub record: Bytes,
     /// Records of ancestors without decoded texels, from the parent upwards.
     above: Vec<(PageId, Bytes)>,
+    on_gpu: bool,
+}
+
+/// Whether a page is decoded without its parent, to coefficients: with `on_gpu`, where the codec has them.
+pub fn alone(index: &Index, page: PageId, on_gpu: bool) -> bool {
+    on_gpu && index.decoder.has_coefficients(page)
 }
 
 /// What a [`Pending`] can do next.
@@ -146,12 +156,13 @@ pub enum Step {
 }
 
 impl Pending {
-    /// A record that has arrived.
-    pub fn new(item: Item, record: Bytes) -> Self {
+    /// A record that has arrived; with `on_gpu` only what is serial of decoding it is done here, where that can be split.
+    pub fn new(item: Item, record: Bytes, on_gpu: bool) -> Self {
         Self {
             item,
             record,
             above: Vec::new(),
+            on_gpu,
         }
     }
 
@@ -173,7 +184,9 @@ impl Pending {
         busy: impl Fn(Item) -> bool,
     ) -> Result<Step> {
         let mut parent = None;
-        if let Item::Page(material, page) = self.item {
+        if let Item::Page(material, page) = self.item
+            && !alone(index, page, self.on_gpu)
+        {
             let mut above = 0;
             let mut next = parent_of(index, page);
             while let Some(ancestor) = next {
@@ -207,6 +220,7 @@ impl Pending {
     /// Most bytes that decoding it takes, with all results, and with a decoded parent or not.
     pub fn decoding_bytes(&self, btf: &Btf, parent: bool) -> u64 {
         let decoded = match self.item {
+            Item::Page(_, page) if alone(&btf.index, page, self.on_gpu) => COEFFICIENTS_BYTES,
             Item::Page(..) => (1 + self.above.len() as u64 + u64::from(parent)) * PAGE_BYTES,
             Item::Column(..) => btf.column_quads() * 8,
         };
@@ -221,6 +235,7 @@ impl Pending {
             above: self.above,
             parent,
             btf,
+            on_gpu: self.on_gpu,
         }
     }
 }
@@ -253,12 +268,15 @@ pub struct Job {
     above: Vec<(PageId, Bytes)>,
     parent: Option<Arc<Page>>,
     btf: Arc<Btf>,
+    on_gpu: bool,
 }
 
 /// A decoded record, as the caches take it.
 pub enum Decoded {
     /// A page.
     Page(Arc<Page>),
+    /// A page that is added to its parent on the GPU.
+    Coefficients(Coefficients),
     /// A column, see [`Btf::cached_column`].
     Column(Vec<[f16; 4]>),
 }
@@ -298,6 +316,9 @@ impl Job {
                 return Ok(Decoded::Column(self.btf.cached_column(&column)));
             }
         };
+        if alone(&self.btf.index, page, self.on_gpu) {
+            return Ok(Decoded::Coefficients(decoder.coefficients(page, &self.record)?));
+        }
         while let Some((ancestor, record)) = self.above.pop() {
             let decoded = Arc::new(decoder.page(ancestor, &record, self.parent.as_deref())?);
             self.parent = Some(decoded.clone());
@@ -380,7 +401,7 @@ mod tests {
         for budget in [PAGE_BYTES / 2, 3 * PAGE_BYTES, 1 << 30] {
             let mut store = HostStore::new(budget);
             for (id, record, wanted) in &pages {
-                let mut pending = Pending::new(Item::Page(MATERIAL, *id), record.clone());
+                let mut pending = Pending::new(Item::Page(MATERIAL, *id), record.clone(), false);
                 let mut asked = 0;
                 let parent = loop {
                     match pending.step(&btf.index, &mut store, |_| false).unwrap() {
@@ -422,7 +443,7 @@ mod tests {
         }
         let root = pages[0].0;
         let (last, record, _) = &pages[pages.len() - 1];
-        let mut pending = Pending::new(Item::Page(MATERIAL, *last), record.clone());
+        let mut pending = Pending::new(Item::Page(MATERIAL, *last), record.clone(), false);
         let busy = |item| item == Item::Page(MATERIAL, root);
         assert!(matches!(
             pending.step(&btf.index, &mut store, busy).unwrap(),

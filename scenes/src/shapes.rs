@@ -1,7 +1,7 @@
 //! Parametric surfaces. u runs along s, v falls along t, and ∂s × ∂t points outwards: so materials stand
 //! upright and unmirrored.
 
-use std::f32::consts::{PI, TAU};
+use std::f32::consts::TAU;
 
 use glam::{Vec2, Vec3};
 
@@ -60,7 +60,7 @@ pub(crate) fn cells(columns: usize, rows: usize) -> Vec<u32> {
 #[cfg(feature = "synth")]
 pub(crate) fn star(columns: usize, rows: usize, repeats: Vec2, radius: impl Fn(Vec3) -> f32) -> Mesh {
     grid(columns, rows, repeats, |s, t| {
-        let (around, up) = (s * TAU, (t - 0.5) * PI * 0.9995);
+        let (around, up) = (s * TAU, (t - 0.5) * TAU / 2.0 * 0.9995);
         let direction = Vec3::new(up.cos() * around.cos(), up.sin(), -up.cos() * around.sin());
         direction * radius(direction)
     })

@@ -212,3 +212,25 @@ mirror! {
         pub pad: u32,
     }
 }
+
+mirror! {
+    /// A page to decode, and where its parent is.
+    pub struct DecodedPage {
+        /// First texel of its slot, in its layer.
+        pub slot: UVec2,
+        /// The parent's texel under the first of the payload, in its layer.
+        pub parent: UVec2,
+        /// Texels of the payload.
+        pub size: UVec2,
+        /// Along each axis bit 0 where the picture ends before the payload, bit 1 where it ends behind.
+        pub ends: UVec2,
+        /// Layer of the slot.
+        pub layer: u32,
+        /// Layer of the parent.
+        pub parent_layer: u32,
+        /// First of its words.
+        pub words: u32,
+        /// By which coefficients are multiplied.
+        pub step: f32,
+    }
+}

@@ -44,6 +44,7 @@ embed!(
     "columns",
     "compact",
     "delaunay",
+    "decode",
     "directions",
     "eigen",
     "feedback",

@@ -56,7 +56,7 @@ impl Engine {
         while self.records.decoding() {
             self.records.wait(Duration::from_millis(10));
             let decoded = self.take_decoded();
-            self.place(decoded);
+            self.place(decoded)?;
         }
         self.options.angular = angular;
         for btf in &mut self.btfs {

@@ -62,6 +62,7 @@ impl Engine {
         options: Options,
     ) -> Result<Self> {
         options.check()?;
+        let on_gpu = options.decode_on.is_gpu(&context);
         let mut renderer = Renderer::new(context, scene, options.size)?;
         renderer.set_shading(options.shading());
         let (page_slots, column_slots) = renderer.layout(options.caches(), 0)?.slots();
@@ -77,7 +78,7 @@ impl Engine {
             }),
             window: Window::new(options.feedback_stride),
             ahead: Ahead::default(),
-            records: Records::new(options.budgets(), workers(&options)),
+            records: Records::new(options.budgets(), workers(&options), on_gpu),
             problems: Problems::default(),
             events: Events::default(),
             counters: Counters::default(),
@@ -157,7 +158,7 @@ impl Engine {
         let arrived = self.decode();
         ms.decode = watch.lap();
 
-        self.place(arrived);
+        self.place(arrived)?;
         self.changed |= self.renderer.fading();
         let texels_stitched = self.renderer.flush();
         ms.upload = watch.lap();

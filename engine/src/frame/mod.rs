@@ -26,5 +26,5 @@ mod workers;
 pub use ahead::MAX_PREFETCHED_VIEWS;
 pub use engine::Engine;
 pub use events::Event;
-pub use options::{Budgets, MAX_FEEDBACK_STRIDE, MAX_PREFETCH_SECONDS, MIN_HOST_BYTES, Options};
+pub use options::{Budgets, Decode, MAX_FEEDBACK_STRIDE, MAX_PREFETCH_SECONDS, MIN_HOST_BYTES, Options};
 pub use stats::{Counters, FrameStats, Milliseconds};

@@ -3,7 +3,7 @@
 use crate::{
     Error, Result,
     angular::Angular,
-    gpu::{Caches, Shading},
+    gpu::{Caches, Context, Shading},
 };
 
 /// Least bytes of host memory: what decodes a few pages at a time.
@@ -31,6 +31,30 @@ pub struct Budgets {
     pub requests_in_flight: usize,
     /// Most bytes asked of the source and not yet here, at least one; a single record may take more.
     pub bytes_in_flight: u64,
+}
+
+/// Where pages are made of what entropy decoding leaves, which is always the workers'.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Decode {
+    /// On the GPU, which spares host memory, decoding ancestors again, and a third of the bytes to upload; on the workers
+    /// where the GPU is a program on the same processor, which takes ten times as long. See docs/results.md.
+    #[default]
+    Auto,
+    /// On the workers, to texels.
+    Cpu,
+    /// On the GPU, from coefficients and the parents in the page cache. Roots, and archives whose codec cannot be split,
+    /// are decoded on the workers all the same.
+    Gpu,
+}
+
+impl Decode {
+    pub(super) fn is_gpu(self, context: &Context) -> bool {
+        match self {
+            Decode::Auto => !context.is_software(),
+            Decode::Cpu => false,
+            Decode::Gpu => true,
+        }
+    }
 }
 
 /// Budgets and choices. Defaults work.
@@ -67,6 +91,8 @@ pub struct Options {
     pub angular: Angular,
     /// Frames in which a new page comes in; 0: at once. A view has settled when all are in.
     pub fade_frames: u32,
+    /// Where pages are decoded.
+    pub decode_on: Decode,
     /// Each frame waits for its own votes and for the picture, so that the same inputs give the same operations.
     /// Programs with a window turn it off: then nothing waits, and votes are used when they have come back. Browsers
     /// never wait.
@@ -91,6 +117,7 @@ impl Default for Options {
             component_error: Shading::default().component_error,
             angular: Angular::default(),
             fade_frames: Shading::default().fade_frames,
+            decode_on: Decode::default(),
             wait: true,
         }
     }

@@ -135,7 +135,10 @@ impl Engine {
     }
 
     /// Puts what has arrived where residency says.
-    pub(super) fn place(&mut self, arrived: Vec<(Item, Decoded)>) {
+    ///
+    /// # Errors
+    /// [`crate::Error::Adapter`] if the GPU is to decode pages and cannot.
+    pub(super) fn place(&mut self, arrived: Vec<(Item, Decoded)>) -> Result<()> {
         for (item, decoded) in arrived {
             let Placement::Place { slot, evicted } = self.residency.arrived(item) else {
                 self.counters.arrivals_dropped += 1;
@@ -146,6 +149,10 @@ impl Engine {
                 (Item::Page(material, page), Decoded::Page(texels)) => {
                     self.renderer.place_page(material.0.into(), page, slot, &texels);
                 }
+                (Item::Page(material, page), Decoded::Coefficients(coefficients)) => {
+                    self.renderer
+                        .place_coefficients(material.0.into(), page, slot, coefficients)?;
+                }
                 (Item::Column(material, group), Decoded::Column(quads)) => {
                     self.renderer.place_column(material.0.into(), group, slot, quads);
                 }
@@ -153,6 +160,7 @@ impl Engine {
             }
             self.changed = true;
         }
+        Ok(())
     }
 
     /// Takes what is not resident any more out of the page table.

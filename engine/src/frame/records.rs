@@ -8,12 +8,12 @@ use std::collections::{HashMap, VecDeque};
 use std::sync::Arc;
 
 use bytes::Bytes;
-use tileset::{Page, Record};
+use tileset::{Page, PageId, Record};
 
 use super::{decoding::Decoding, options::Budgets, problems::Problems, stats::Counters, workers::Workers};
 use crate::{
     Result,
-    decode::{Decoded, Done, HostStore, Pending, Step},
+    decode::{Decoded, Done, HostStore, Pending, Step, alone},
     gpu::materials::Btf,
     residency::{Item, MaterialId, Plan},
     stream::{Answer, Request, Ticket, TileSource},
@@ -43,6 +43,8 @@ pub(super) struct Records {
     damaged: HashMap<Item, u32>,
     failed: Vec<Item>,
     budgets: Budgets,
+    /// The GPU decodes pages, as far as it can.
+    on_gpu: bool,
 }
 
 struct Waiting {
@@ -52,7 +54,8 @@ struct Waiting {
 }
 
 impl Records {
-    pub(super) fn new(budgets: Budgets, workers: Workers<(u64, Done)>) -> Self {
+    /// `on_gpu`: the GPU decodes pages, as far as it can.
+    pub(super) fn new(budgets: Budgets, workers: Workers<(u64, Done)>, on_gpu: bool) -> Self {
         Self {
             store: HostStore::new(budgets.host_bytes),
             queue: VecDeque::new(),
@@ -67,6 +70,7 @@ impl Records {
             damaged: HashMap::new(),
             failed: Vec::new(),
             budgets,
+            on_gpu,
         }
     }
 
@@ -125,13 +129,13 @@ impl Records {
             if record_of(item, btfs).is_ok_and(|record| record.length == 0) {
                 counters.pages_not_stored += 1;
                 self.pending.push_back(Waiting {
-                    pending: Pending::new(item, Bytes::new()),
+                    pending: Pending::new(item, Bytes::new(), self.on_gpu),
                     needs: None,
                 });
             } else if let Some(record) = stored {
                 counters.records_from_host += 1;
                 self.pending.push_back(Waiting {
-                    pending: Pending::new(item, record),
+                    pending: Pending::new(item, record, self.on_gpu),
                     needs: None,
                 });
             } else if !self.flying.contains_key(&item) {
@@ -200,7 +204,7 @@ impl Records {
         self.store.put_record(item, bytes.clone());
         if self.wanted.contains_key(&item) {
             self.pending.push_back(Waiting {
-                pending: Pending::new(item, bytes),
+                pending: Pending::new(item, bytes, self.on_gpu),
                 needs: None,
             });
         }
@@ -316,7 +320,7 @@ impl Records {
             match done.decoded {
                 Ok(decoded) => {
                     if let (Item::Page(material, page), Decoded::Page(texels)) = (item, &decoded)
-                        && page.tile.mip > 0
+                        && has_children_here(btf_of(item, btfs), page, self.on_gpu)
                     {
                         self.store.put_page(material, page, texels.clone());
                     }
@@ -391,6 +395,12 @@ fn material_of(item: Item) -> MaterialId {
 
 fn btf_of(item: Item, btfs: &[Arc<Btf>]) -> &Arc<Btf> {
     &btfs[usize::from(material_of(item).0)]
+}
+
+/// Whether a page has children that the host decodes.
+fn has_children_here(btf: &Btf, page: PageId, on_gpu: bool) -> bool {
+    let mut children = btf.pyramid().children(page.tile);
+    children.any(|tile| !alone(&btf.index, PageId { tile, ..page }, on_gpu))
 }
 
 fn record_of(item: Item, btfs: &[Arc<Btf>]) -> Result<Record> {

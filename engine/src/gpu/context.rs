@@ -82,6 +82,11 @@ impl Context {
         )
     }
 
+    /// Whether the adapter is a program that runs on the processor.
+    pub fn is_software(&self) -> bool {
+        self.device.adapter_info().device_type == wgpu::DeviceType::Cpu
+    }
+
     /// Whether passes can be timed.
     pub(crate) fn has_timestamps(&self) -> bool {
         self.device.features().contains(wgpu::Features::TIMESTAMP_QUERY)

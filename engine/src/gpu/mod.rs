@@ -2,8 +2,8 @@
 //!
 //! One pass is one file here beside one `.wgsl` of the crate `shaders`, in the order of a frame: [`visibility`] (ids of
 //! what pixels see), [`feedback`] (votes for tiles, counted and compacted), [`classify`] (materials by tile of the
-//! picture), [`shade`] (one workgroup for a tile and a material), [`tonemap`]; and [`stitch`], which copies borders in the
-//! page cache ([`borders`]). What they share lies in three bind groups: the scene (group 0: camera, [`geometry`],
+//! picture), [`shade`] (one workgroup for a tile and a material), [`tonemap`]; and in the
+//! page cache [`decode`], which makes pages of coefficients, and [`stitch`], which copies borders ([`borders`]). What they share lies in three bind groups: the scene (group 0: camera, [`geometry`],
 //! materials), the caches (group 1: [`page_table`], [`page_cache`], [`column_cache`], directions) and what a pass reads
 //! and writes (group 2). [`Renderer`] owns all of it: `look` has what draws ids and asks for votes, `outputs` what reads
 //! back. [`cutoff`] says which component groups matter, [`fade`] how new pages come in. Nothing here decides what is
@@ -18,6 +18,7 @@ pub mod classify;
 pub mod column_cache;
 mod context;
 pub mod cutoff;
+pub mod decode;
 pub mod fade;
 pub mod feedback;
 pub mod geometry;

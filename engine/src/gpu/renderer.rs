@@ -3,10 +3,11 @@
 use half::f16;
 use scenes::Scene;
 use shaders::mirror;
-use tileset::{Page, PageId};
+use tileset::{Page, PageId, codec::pyramid_dct::Coefficients};
 
 use super::{
     context::Context,
+    decode::{self, Decode, Waiting},
     geometry::Geometry,
     materials::Btf,
     readback,
@@ -33,6 +34,9 @@ pub struct Renderer {
     pub(super) materials: Materials,
     pub(super) groups: Groups,
     pub(super) timers: Option<Timers>,
+    /// What decodes pages; made when the first one comes.
+    pub(super) decode: Option<Decode>,
+    pub(super) waiting: Vec<Waiting>,
     /// Pages whose borders are to be stitched, by BTF.
     pub(super) placed: Vec<(usize, PageId)>,
     /// What there is to shade is known.
@@ -75,6 +79,8 @@ impl Renderer {
             materials,
             groups,
             timers,
+            decode: None,
+            waiting: Vec::new(),
             placed: Vec::new(),
             classified: false,
         })
@@ -130,6 +136,8 @@ impl Renderer {
     ) -> Result<()> {
         let old = self.materials.layout();
         if layout != old {
+            // Slots are about to move.
+            self.decode_waiting();
             if layout.columns.angular != old.columns.angular {
                 let Passes { scene, caches, .. } = &self.passes;
                 self.passes.shade = Shade::new(&self.context, scene, caches, layout.columns.angular)?;
@@ -192,6 +200,7 @@ impl Renderer {
             + self.targets.bytes()
             + self.passes.feedback.bytes()
             + self.passes.stitch.bytes()
+            + self.decode.as_ref().map_or(0, Decode::bytes)
             + self.materials.bytes()
     }
 
@@ -208,6 +217,61 @@ impl Renderer {
         page_table.insert(btf, page, pages.grid.address(slot));
         fade.start(slot);
         self.placed.push((btf, page));
+    }
+
+    /// The same for a page that the GPU decodes, at the next [`Renderer::flush`]. Its parent must be resident; without it
+    /// debug builds panic, and others leave the page out, so that coarser ones show in its place.
+    ///
+    /// # Errors
+    /// [`Error::Adapter`] if there are no passes to decode with, [`Error::Budget`] if the adapter has no room for their
+    /// buffers.
+    ///
+    /// [`Error::Adapter`]: crate::Error::Adapter
+    /// [`Error::Budget`]: crate::Error::Budget
+    pub fn place_coefficients(
+        &mut self,
+        btf: usize,
+        page: PageId,
+        slot: Slot,
+        coefficients: Coefficients,
+    ) -> Result<()> {
+        if self.decode.is_none() {
+            self.decode = Some(Decode::new(&self.context)?);
+        }
+        let Materials {
+            pages,
+            page_table,
+            fade,
+            ..
+        } = &mut self.materials;
+        let parent = decode::parent(page_table, btf, page);
+        debug_assert!(
+            parent.is_some(),
+            "BTF {btf}: {page} is placed, but its parent is not resident"
+        );
+        if parent.is_some() {
+            let address = pages.grid.address(slot);
+            page_table.insert(btf, page, address);
+            fade.start(slot);
+            self.placed.push((btf, page));
+            self.waiting.push(Waiting {
+                btf,
+                page,
+                address,
+                coefficients,
+            });
+        }
+        Ok(())
+    }
+
+    fn decode_waiting(&mut self) {
+        let waiting = std::mem::take(&mut self.waiting);
+        let Materials {
+            pages, page_table, ..
+        } = &self.materials;
+        if let Some(decode) = &self.decode {
+            decode.run(&self.context, pages, page_table, waiting, self.timers.as_mut());
+        }
     }
 
     /// Takes a page out of the page table.
@@ -243,13 +307,14 @@ impl Renderer {
         self.materials.fade.active()
     }
 
-    /// Once a frame: lets new pages fade in, writes what has changed in the page table, and stitches the borders between the pages placed since the last
-    /// time and all that are resident. Returns how many texels that took: at most [`MOST_INTO`] + [`MOST_OUT`] a page
+    /// Once a frame: decodes pages placed as coefficients, lets new pages fade in, writes what has changed in the page
+    /// table, and stitches the borders between the pages placed since the last time and all that are resident. Returns how many texels that took: at most [`MOST_INTO`] + [`MOST_OUT`] a page
     /// placed.
     ///
     /// [`MOST_INTO`]: super::borders::MOST_INTO
     /// [`MOST_OUT`]: super::borders::MOST_OUT
     pub fn flush(&mut self) -> u64 {
+        self.decode_waiting();
         let Materials {
             page_table,
             page_table_buffer,

@@ -22,6 +22,8 @@ pub struct GpuMilliseconds {
     pub shade: f64,
     /// Tone mapping.
     pub tonemap: f64,
+    /// Decoding pages.
+    pub decode: f64,
     /// Stitching borders.
     pub stitch: f64,
 }
@@ -35,9 +37,10 @@ pub(super) enum Pass {
     Tonemap = 6,
     Stitch = 8,
     Classify = 10,
+    Decode = 12,
 }
 
-const TIMESTAMPS: u32 = 12;
+const TIMESTAMPS: u32 = 14;
 const BYTES: u64 = TIMESTAMPS as u64 * 8;
 /// Each pass is resolved to a place of its own.
 const RESOLVED_BYTES: u64 = TIMESTAMPS as u64 / 2 * wgpu::QUERY_RESOLVE_BUFFER_ALIGNMENT;
@@ -168,6 +171,7 @@ impl Timers {
                 classify: pass(Pass::Classify),
                 shade: pass(Pass::Shade),
                 tonemap: pass(Pass::Tonemap),
+                decode: pass(Pass::Decode),
                 stitch: pass(Pass::Stitch),
             }
         });

@@ -5,6 +5,7 @@ mod arrivals;
 mod borders;
 mod budgets;
 mod changes;
+mod decode;
 mod material;
 mod odd;
 mod pictures;

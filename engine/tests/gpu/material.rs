@@ -126,7 +126,11 @@ impl Recipe {
         }
     }
 
-    fn finest(&self, group: u16) -> MipImage {
+    pub(crate) fn column(&self, group: u16) -> Column {
+        column(self, &self.manifest(), group)
+    }
+
+    pub(crate) fn finest(&self, group: u16) -> MipImage {
         let texel = |at: u32| {
             let (x, y) = (at % self.width, at / self.width);
             let s = (f64::from(x) + 0.5) / f64::from(self.width);

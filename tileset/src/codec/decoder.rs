@@ -2,7 +2,7 @@
 
 use super::columns::{ColumnTables, column_step};
 use super::page::check_step;
-use super::pyramid_dct::{self, PageTables};
+use super::pyramid_dct::{self, Coefficients, PageTables};
 use super::symbols::MAX_LEVEL;
 use super::{Column, Page, column, page};
 use crate::{Codec, Error, Manifest, PageId, Pyramid, Result, error::corrupt};
@@ -84,6 +84,28 @@ impl Decoder {
                 pyramid_dct::decode(step, &self.pyramid, id, bytes, parent, &tables.pages)
             }
         }
+    }
+
+    /// Whether [`Decoder::coefficients`] has those of a page: of any but the root, with [`Codec::PyramidDct`].
+    pub fn has_coefficients(&self, id: PageId) -> bool {
+        self.tables.is_some() && id.tile != self.pyramid.root()
+    }
+
+    /// Entropy decodes a page, which takes no parent; `bytes` is empty for a page that equals its up-sampled parent.
+    /// Never panics and allocates no more than 4 · [`Coefficients::MAX_WORDS`] bytes and what the vector grows by,
+    /// whatever the bytes.
+    ///
+    /// # Errors
+    /// [`Error::Corrupt`] exactly where [`Decoder::page`] says so, [`Error::NotFound`] if the pyramid has no such tile,
+    /// [`Error::Invalid`] where [there are none](Decoder::has_coefficients).
+    pub fn coefficients(&self, id: PageId, bytes: &[u8]) -> Result<Coefficients> {
+        let Some(tables) = &self.tables else {
+            return Err(Error::Invalid {
+                what: format!("codec {:?}", self.codec),
+                detail: "its pages are decoded to texels only".into(),
+            });
+        };
+        pyramid_dct::coefficients(self.codec.step(), &self.pyramid, id, bytes, &tables.pages)
     }
 
     /// Decodes the column of a group; allocation is bounded by the size of a column.

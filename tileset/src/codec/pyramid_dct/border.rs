@@ -32,6 +32,19 @@ pub(super) fn fill(pyramid: &Pyramid, tile: Tile, page: &mut Page, parent: Optio
     repeat_edges(page, &columns, &rows);
 }
 
+/// Along x and along y, whether the picture ends before and behind a tile's payload.
+pub(super) fn ends(pyramid: &Pyramid, tile: Tile) -> [[bool; 2]; 2] {
+    let (size, mip) = (pyramid.payload(tile), pyramid.mip_size(tile.mip));
+    [(tile.x, size.0, mip.0), (tile.y, size.1, mip.1)]
+        .map(|(page, length, mip_length)| ends_along(pyramid.wrap(), page, length, mip_length))
+}
+
+/// Whether the picture ends before and behind a payload along one axis.
+fn ends_along(wrap: bool, page: u16, length: u32, mip_length: u32) -> [bool; 2] {
+    let first = u32::from(page) * PAGE_TEXELS;
+    [!wrap && first == 0, !wrap && first + length == mip_length]
+}
+
 /// Both directions of a tile's slot, and where they lie in that of its parent.
 fn axes(pyramid: &Pyramid, tile: Tile, parent: Tile) -> (Axis, Axis) {
     let (width, height) = pyramid.payload(tile);
@@ -158,11 +171,10 @@ struct Axis {
 
 impl Axis {
     fn new(wrap: bool, page: u16, length: u32, mip_length: u32, parent_origin: u32) -> Self {
-        let first = u32::from(page) * PAGE_TEXELS;
         let half = u32::from(page % 2) * PAGE_TEXELS / 2;
         Self {
             length,
-            ends: [!wrap && first == 0, !wrap && first + length == mip_length],
+            ends: ends_along(wrap, page, length, mip_length),
             // Texel i of the payload has its centre at (i + ½)/2, that is -½ in texels of the parent from centre to
             // centre.
             start: 4 * (parent_origin + half) - 2 * BORDER_TEXELS - 1,

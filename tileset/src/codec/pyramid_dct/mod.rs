@@ -23,6 +23,7 @@ mod scan;
 mod tables;
 pub(super) mod transform;
 
-pub(super) use page::decode;
-pub use page::{CodedPage, code_group, count_group};
+pub use page::{CodedPage, Coefficients, code_group, count_group};
+pub(super) use page::{coefficients, decode};
 pub use tables::{PageTables, Statistics};
+pub use transform::matrices;

@@ -58,9 +58,45 @@ impl Scan {
     }
 }
 
+/// The number of a place in the scan of a block of `size` without the lowest `low`, in closed form: as decoders find it
+/// that begin at the place.
+#[cfg(test)]
+pub(super) fn index(size: (usize, usize), low: (usize, usize), (u, v): (usize, usize)) -> Option<usize> {
+    if u < low.0 && v < low.1 {
+        return None;
+    }
+    let diagonal = (u + v) as i32;
+    let triangle = |n: i32| n.max(0) * (n.max(0) + 1) / 2;
+    // Places of a rectangle on the diagonals before, and on this one in the rows before.
+    let before = |(width, height): (usize, usize)| {
+        let (width, height, v) = (width as i32, height as i32, v as i32);
+        let diagonals = triangle(diagonal) - triangle(diagonal - width) - triangle(diagonal - height)
+            + triangle(diagonal - width - height);
+        diagonals + (v.min(height).min(diagonal + 1) - (diagonal - width + 1).max(0)).max(0)
+    };
+    Some((before(size) - before(low)) as usize)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_closed_form_is_the_scan() {
+        for (width, height) in (1..=SIDE).flat_map(|width| (1..=SIDE).map(move |height| (width, height))) {
+            let low = (width.div_ceil(2), height.div_ceil(2));
+            let scan = Scan::new((width, height), low);
+            let mut found: Vec<_> = (0..width)
+                .flat_map(|u| (0..height).map(move |v| (u, v)))
+                .filter_map(|(u, v)| Some((index((width, height), low, (u, v))?, u * SIDE + v)))
+                .collect();
+            found.sort_unstable();
+            let wanted: Vec<_> = (0..)
+                .zip(scan.places.iter().map(|place| usize::from(place.at)))
+                .collect();
+            assert_eq!(found, wanted, "{width}x{height}");
+        }
+    }
 
     #[test]
     fn each_coefficient_comes_once_and_after_its_neighbours() {

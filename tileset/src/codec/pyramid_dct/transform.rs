@@ -186,6 +186,12 @@ fn any_length<const FORWARD: bool>(block: &mut Block, length: usize, count: usiz
     }
 }
 
+/// The orthonormal DCT-II of all lengths up to 16, `[length][k][x]`, 16 of each but the length, which counts from 0 to
+/// 16: the value at `x` of the basis function of frequency `k`, or zero.
+pub fn matrices() -> &'static [f32] {
+    COSINES.as_flattened()
+}
+
 /// For each length up to [`SIDE`] the orthonormal matrix `[k][x]`, rows of [`SIDE`].
 static COSINES: LazyLock<[[f32; AREA]; SIDE + 1]> = LazyLock::new(|| {
     std::array::from_fn(|length| {

@@ -2,7 +2,7 @@
 
 use half::f16;
 
-use super::{Blocks, Place, low_scale, scan_of, step_at};
+use super::{Blocks, Place, low_scale, parent_origin, scan_of, step_at};
 use crate::codec::pyramid_dct::border;
 use crate::codec::pyramid_dct::dispatch::{self, Processor};
 use crate::codec::pyramid_dct::levels::Reader;
@@ -10,7 +10,7 @@ use crate::codec::pyramid_dct::tables::PageTables;
 use crate::codec::pyramid_dct::transform::{AREA, Block, SIDE, forward_here, inverse_here};
 use crate::codec::{page::check_step, region::HALF_MAX, texel::Texel};
 use crate::error::corrupt;
-use crate::{BORDER_TEXELS, Error, PAGE_TEXELS, Page, PageId, Pyramid, Result, SLOT_AREA, SLOT_TEXELS, Tile};
+use crate::{BORDER_TEXELS, Error, Page, PageId, Pyramid, Result, SLOT_AREA, SLOT_TEXELS, Tile};
 
 /// Decodes a page's record; see [`crate::codec::Decoder::page`].
 pub(crate) fn decode(
@@ -121,27 +121,17 @@ pub(super) fn parent_of<'a>(
     tile: Tile,
     parent: Option<&'a Page>,
 ) -> Result<Option<(&'a Page, (usize, usize))>> {
-    if pyramid.tile_index(tile).is_none() {
-        return Err(Error::NotFound {
-            what: format!("page mip {} x {} y {}", tile.mip, tile.x, tile.y),
-            detail: format!("the coarsest page is in mip {}", pyramid.tail_mip()),
-        });
-    }
+    let origin = parent_origin(pyramid, tile)?;
     let invalid = |detail: &str| Error::Invalid {
         what: format!("parent of the page at mip {} x {} y {}", tile.mip, tile.x, tile.y),
         detail: detail.into(),
     };
-    match (pyramid.parent(tile), parent) {
+    match (origin, parent) {
         (None, None) => Ok(None),
         (None, Some(_)) => Err(invalid("the root has none")),
         (Some(_), None) => Err(invalid("it is needed to decode the page, decode it first")),
         (Some(_), Some(page)) if page.texels.len() != SLOT_AREA => Err(invalid("it is not one slot")),
-        (Some(place), Some(page)) => {
-            let origin = pyramid.payload_origin(place, place.mip);
-            let half = |position: u16| usize::from(position % 2) * PAGE_TEXELS as usize / 2;
-            let origin = (origin.0 as usize + half(tile.x), origin.1 as usize + half(tile.y));
-            Ok(Some((page, origin)))
-        }
+        (Some(origin), Some(page)) => Ok(Some((page, origin))),
     }
 }
 

@@ -1,5 +1,6 @@
 //! Whole pages: blocks, parents, steps.
 
+mod coefficients;
 mod decode;
 mod encode;
 
@@ -7,8 +8,10 @@ use std::sync::LazyLock;
 
 use super::scan::Scan;
 use super::transform::SIDE;
-use crate::{Pyramid, Tile};
+use crate::{Error, PAGE_TEXELS, Pyramid, Result, Tile};
 
+pub use coefficients::Coefficients;
+pub(in crate::codec) use coefficients::coefficients;
 pub(in crate::codec) use decode::decode;
 pub use encode::{CodedPage, code_group, count_group};
 
@@ -73,6 +76,24 @@ fn scan_of<'a>(place: &Place, spare: &'a mut Option<Scan>) -> &'a Scan {
 /// the finest.
 fn step_at(step: f32, mip: u8) -> f32 {
     step / (1u64 << mip.min(32)) as f32
+}
+
+/// Where in its parent's slot the first texel under a page lies; `None` for the root.
+///
+/// # Errors
+/// [`Error::NotFound`] for a tile outside the pyramid.
+fn parent_origin(pyramid: &Pyramid, tile: Tile) -> Result<Option<(usize, usize)>> {
+    if pyramid.tile_index(tile).is_none() {
+        return Err(Error::NotFound {
+            what: format!("page mip {} x {} y {}", tile.mip, tile.x, tile.y),
+            detail: format!("the coarsest page is in mip {}", pyramid.tail_mip()),
+        });
+    }
+    Ok(pyramid.parent(tile).map(|parent| {
+        let origin = pyramid.payload_origin(parent, parent.mip);
+        let half = |position: u16| usize::from(position % 2) * PAGE_TEXELS as usize / 2;
+        (origin.0 as usize + half(tile.x), origin.1 as usize + half(tile.y))
+    }))
 }
 
 /// What a coefficient of a parent's block of `low` is in a block of `size`: the square root of their areas' ratio.

@@ -11,16 +11,16 @@ use crate::codec::pyramid_dct::tables::{PageTables, Statistics};
 use crate::{PAGE_TEXELS, Page, PageId, Result, SLOT_AREA, SLOT_TEXELS};
 
 /// A group's pages, and what they decode with.
-struct Coded {
-    step: f64,
-    pyramid: Pyramid,
+pub(super) struct Coded {
+    pub(super) step: f64,
+    pub(super) pyramid: Pyramid,
     mips: Vec<MipImage>,
-    tables: PageTables,
-    pages: Vec<CodedPage>,
+    pub(super) tables: PageTables,
+    pub(super) pages: Vec<CodedPage>,
 }
 
 /// A picture of waves and noise, with some values far larger than the rest, coded.
-fn coded(width: u32, height: u32, step: f64, seed: u32) -> Coded {
+pub(super) fn coded(width: u32, height: u32, step: f64, seed: u32) -> Coded {
     let pyramid = Pyramid::new(width, height, false).unwrap();
     let mut state = seed;
     let mut noise = || {
@@ -91,7 +91,7 @@ impl Coded {
         Ok(Page { texels })
     }
 
-    fn decode(&self, tile: Tile, bytes: &[u8], parent: Option<&Page>) -> Result<Page> {
+    pub(super) fn decode(&self, tile: Tile, bytes: &[u8], parent: Option<&Page>) -> Result<Page> {
         decode(
             self.step,
             &self.pyramid,
@@ -102,7 +102,7 @@ impl Coded {
         )
     }
 
-    fn decode_all(&self) -> HashMap<Tile, Page> {
+    pub(super) fn decode_all(&self) -> HashMap<Tile, Page> {
         let mut decoded = HashMap::new();
         for page in &self.pages {
             let parent = self.pyramid.parent(page.tile).map(|parent| &decoded[&parent]);
