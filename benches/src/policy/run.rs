@@ -45,6 +45,8 @@ pub enum Policy {
     Paper,
     /// The best closed set of pages for each stop, all of it loaded.
     Optimum,
+    /// The best of those that hold a root of every visible material, as ours does.
+    Rooted,
 }
 
 /// One policy with one budget.
@@ -87,7 +89,7 @@ fn start(policy: Policy, materials: &[MaterialInfo], pages: usize, loads: usize)
     match policy {
         Policy::Recency => Box::new(Recency::new(materials, pages)),
         Policy::Paper => Box::new(Paper::new(materials, pages)),
-        Policy::Ours | Policy::Optimum => Box::new(Ours::new(materials, pages, loads)),
+        Policy::Ours | Policy::Optimum | Policy::Rooted => Box::new(Ours::new(materials, pages, loads)),
     }
 }
 
@@ -122,10 +124,13 @@ pub fn run(trace: &Trace, plan: &Plan, progress: &dyn Fn(&str)) -> Result<Result
     let mean = |values: &mut dyn Iterator<Item = f64>, count: usize| values.sum::<f64>() / count as f64;
     progress("optimum");
     let most = plan.budgets.iter().copied().max().unwrap_or(0);
-    let best: Vec<Vec<f64>> = views
-        .iter()
-        .map(|view| optimum::best(&forest, view, most))
-        .collect();
+    let of_views = |least: fn(&Forest, &View, usize) -> Vec<f64>| -> Vec<Vec<f64>> {
+        views.iter().map(|view| least(&forest, view, most)).collect()
+    };
+    let bests = [
+        (Policy::Optimum, of_views(optimum::best)),
+        (Policy::Rooted, of_views(optimum::best_with_roots)),
+    ];
     let mut points = Vec::new();
     for &pages in &plan.budgets {
         for policy in POLICIES {
@@ -157,17 +162,19 @@ pub fn run(trace: &Trace, plan: &Plan, progress: &dyn Fn(&str)) -> Result<Result
                 moving_loads: Some(replay.loads()),
             });
         }
-        points.push(Point {
-            policy: Policy::Optimum,
-            pages,
-            settled_rms: mean(&mut best.iter().map(|best| best[pages]), stops.len()).sqrt(),
-            settled_loads: mean(
-                &mut views.iter().map(|view| view.pages(&forest).min(pages) as f64),
-                stops.len(),
-            ),
-            moving_rms: None,
-            moving_loads: None,
-        });
+        for (policy, best) in &bests {
+            points.push(Point {
+                policy: *policy,
+                pages,
+                settled_rms: mean(&mut best.iter().map(|best| best[pages]), stops.len()).sqrt(),
+                settled_loads: mean(
+                    &mut views.iter().map(|view| view.pages(&forest).min(pages) as f64),
+                    stops.len(),
+                ),
+                moving_rms: None,
+                moving_loads: None,
+            });
+        }
     }
     Ok(Results {
         name: trace.name.clone(),

@@ -144,8 +144,11 @@ impl Engine {
         let moved = self.camera.replace(*camera) != Some(*camera);
         self.view += u64::from(moved);
         self.changed |= moved;
-        self.look(moved)?;
+        self.look(moved);
         ms.draw = watch.lap();
+
+        self.poll()?;
+        ms.votes = watch.lap();
 
         self.decide();
         ms.residency = watch.lap();

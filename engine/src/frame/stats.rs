@@ -9,7 +9,9 @@ use crate::gpu::GpuMilliseconds;
 /// Milliseconds of one frame, by phase.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Milliseconds {
-    /// Reading votes and deciding.
+    /// Taking the votes that have come back; with [`super::Options::wait`] waiting for them.
+    pub votes: f64,
+    /// Deciding.
     pub residency: f64,
     /// Polling the source.
     pub source: f64,
