@@ -135,11 +135,8 @@ fn virtual_pictures_are_those_of_full_residency_under_every_filter() {
     type Steps<'a> = &'a dyn Fn(&[(f32, f32)]) -> f64;
     let magnified: Steps<'_> = &|steps| share(steps, |(step, _)| *step < 1.0);
     let minified: Steps<'_> = &|steps| share(steps, |(step, _)| *step > 2.0);
-    let between: Steps<'_> = &|steps| {
-        share(steps, |(step, _)| {
-            (1.1..1.9).contains(step) || (2.2..3.8).contains(step)
-        })
-    };
+    let blended = |step: f32| step > 1.0 && (0.1..0.9).contains(&step.log2().fract());
+    let between: Steps<'_> = &|steps| share(steps, |(step, _)| blended(*step));
     let coarsest: Steps<'_> = &|steps| share(steps, |(step, _)| *step > 256.0);
     let anisotropic: Steps<'_> = &|steps| share(steps, |(_, ratio)| *ratio > 6.0);
     let any: Steps<'_> = &|steps| share(steps, |_| true);
