@@ -18,7 +18,7 @@ pub struct CpuPhases {
     pub source: f64,
     /// Handing records to the decoder and taking back pages.
     pub decode: f64,
-    /// Slots, page table, borders.
+    /// Slots, page table, what of borders is to be stitched.
     pub upload: f64,
     /// The phases together; of the 95th percentile this is not the sum of theirs.
     pub all: f64,

@@ -27,10 +27,10 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "PATH.json", requires = "scene")]
     camera: Option<PathBuf>,
     /// Width and height of the pictures, pixels.
-    #[arg(long, default_value = "480x270", value_parser = parse_size)]
+    #[arg(long, default_value = "320x180", value_parser = parse_size)]
     size: (u32, u32),
     /// Views along the path.
-    #[arg(long, value_name = "N", default_value_t = 24)]
+    #[arg(long, value_name = "N", default_value_t = 12)]
     frames: usize,
     /// Times that the path is gone, with and without virtual textures.
     #[arg(long, value_name = "N", default_value_t = 3)]

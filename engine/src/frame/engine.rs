@@ -162,9 +162,10 @@ impl Engine {
 
         self.place(arrived);
         self.changed |= self.renderer.fading();
-        let texels_stitched = self.renderer.flush();
+        let strips = self.renderer.flush();
         ms.upload = watch.lap();
 
+        let texels_stitched = self.renderer.stitch(&strips);
         let after = self.summary();
         let settled = self.settled(&after);
         let drawn = (show || settled) && self.draw()?;
