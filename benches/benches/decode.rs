@@ -74,6 +74,7 @@ fn benchmark(criterion: &mut Criterion) {
     renderer.add_btf(&known).expect("room for the tables");
     let pages = u64::from(pyramid.tile_count()) * u64::from(known.groups());
     let caches = Caches {
+        angular: Default::default(),
         page_bytes: pages * SLOT_BYTES,
         column_bytes: 64 << 20,
     };
@@ -103,7 +104,8 @@ fn benchmark(criterion: &mut Criterion) {
             }
         }
     }
-    renderer.flush();
+    let strips = renderer.flush();
+    renderer.stitch(&strips);
     renderer.wait().expect("a working device");
 
     let count = finest.len();
@@ -139,7 +141,8 @@ fn benchmark(criterion: &mut Criterion) {
             for (slot, page) in (0..).zip(&finest) {
                 renderer.place_page(0, page.id, Slot(slot), &texels(page));
             }
-            renderer.flush();
+            let strips = renderer.flush();
+            renderer.stitch(&strips);
             renderer.wait().expect("a working device");
         });
     });
@@ -150,7 +153,8 @@ fn benchmark(criterion: &mut Criterion) {
                     .place_coefficients(0, page.id, Slot(slot), coefficients(page))
                     .expect("a working device");
             }
-            renderer.flush();
+            let strips = renderer.flush();
+            renderer.stitch(&strips);
             renderer.wait().expect("a working device");
         });
     });

@@ -9,6 +9,9 @@ pub enum Error {
     /// Reading, factorizing or coding a BTF failed.
     #[error(transparent)]
     Preprocess(#[from] preprocess::Error),
+    /// Drawing or streaming failed.
+    #[error(transparent)]
+    Engine(#[from] engine::Error),
     /// An archive cannot be read or decoded.
     #[error("{path}: {source}", path = .path.display())]
     Archive {

@@ -1,6 +1,7 @@
 //! What is measured, and how: benchmarks by stage (`cargo bench -p benches`), and the library behind `eigentile bench`.
 //!
 //! - [`codec`]: bytes, error and speed of whole archives at given errors, and the speed of decoding.
+//! - [`engine`](mod@engine): what virtual textures cost in a frame, and what is skipped.
 //! - [`factorize`](mod@factorize): seconds, error and memory of one factorization.
 //! - [`policy`]: predicted error over budget of ways to choose what is resident.
 //! - [`range`]: weights and compressed samples at equal rank.
@@ -11,6 +12,7 @@
 //! The programs to measure beside are in `peers/`; they read what is kept here. Results are reported, not judged.
 
 pub mod codec;
+pub mod engine;
 mod error;
 pub mod factorize;
 mod kept;

@@ -12,7 +12,24 @@ pub fn optimum(materials: &[MaterialInfo], votes: &[Vote], pages: usize) -> Vec<
     best(&forest, &view, pages)
 }
 
+/// As [`best`] of the sets that hold the first group's root of every visible material, as ours does; where there are
+/// fewer pages than that, of all sets.
+pub(super) fn best_with_roots(forest: &Forest, view: &View, pages: usize) -> Vec<f64> {
+    let mut rooted = errors(forest, view, pages, true);
+    for (rooted, free) in rooted.iter_mut().zip(best(forest, view, pages)) {
+        if *rooted == f64::INFINITY {
+            *rooted = free;
+        }
+    }
+    rooted
+}
+
 pub(super) fn best(forest: &Forest, view: &View, pages: usize) -> Vec<f64> {
+    errors(forest, view, pages, false)
+}
+
+/// The least error by number of pages; infinite where `rooted` asks for more.
+fn errors(forest: &Forest, view: &View, pages: usize, rooted: bool) -> Vec<f64> {
     let mut all = vec![0.0];
     let mut whole = 0.0;
     for (material, tree) in forest.trees.iter().enumerate() {
@@ -30,7 +47,11 @@ pub(super) fn best(forest: &Forest, view: &View, pages: usize) -> Vec<f64> {
                     .chain(below.into_iter().map(|sum| sum + gain))
                     .collect();
             }
-            all = join(&all, gains.first().map_or(&[], Vec::as_slice), pages);
+            let mut gains = gains.into_iter().next().unwrap_or_default();
+            if rooted && group == 0 && gains.len() > 1 {
+                gains[0] = f64::NEG_INFINITY;
+            }
+            all = join(&all, &gains, pages);
         }
     }
     let last = all.last().copied().unwrap_or(0.0);
@@ -45,7 +66,7 @@ fn join(a: &[f64], b: &[f64], pages: usize) -> Vec<f64> {
     if b.len() <= 1 {
         return a.to_vec();
     }
-    let mut best = vec![0.0; (a.len() + b.len() - 1).min(pages + 1)];
+    let mut best = vec![f64::NEG_INFINITY; (a.len() + b.len() - 1).min(pages + 1)];
     for (second, more) in b.iter().enumerate().take(best.len()) {
         for (best, first) in best[second..].iter_mut().zip(a) {
             *best = f64::max(*best, first + more);

@@ -5,6 +5,7 @@
 
 mod codec;
 mod decode;
+mod engine;
 mod factorize;
 mod policy;
 mod range;
@@ -25,6 +26,7 @@ const EXAMPLES: &str = "\
 Examples:
   eigentile bench codec leather.npy --keep kept
   eigentile bench decode kept/leather/*.bsvtf
+  eigentile bench engine
   eigentile bench factorize leather.npy --json
   eigentile bench policy
   eigentile bench range leather.npy
@@ -36,6 +38,7 @@ benches/peers in the source tree has the programs to measure beside, and scripts
 enum Subject {
     Codec(codec::Arguments),
     Decode(decode::Arguments),
+    Engine(engine::Arguments),
     Factorize(factorize::Arguments),
     Policy(policy::Arguments),
     Range(range::Arguments),
@@ -46,6 +49,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     match &arguments.subject {
         Subject::Codec(arguments) => codec::run(arguments),
         Subject::Decode(arguments) => decode::run(arguments),
+        Subject::Engine(arguments) => engine::run(arguments),
         Subject::Factorize(arguments) => factorize::run(arguments),
         Subject::Policy(arguments) => policy::run(arguments),
         Subject::Range(arguments) => range::run(arguments),

@@ -2,20 +2,33 @@
 
 use std::fs::File;
 use std::io::{BufReader, BufWriter, Write};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-use ::benches::policy::{Plan, Synthetic, Trace, generate, plot, run as replay, table};
+use ::benches::policy::{Plan, Synthetic, Trace, generate, plot, record, run as replay, table};
 use anyhow::{Context, Result};
 use clap::Args;
 
+use super::engine;
+use crate::render::{own_folder, parse_size};
 use crate::{file, progress};
 
 /// Measure the choice of what is resident: predicted error over cache size, of ours and of others.
 #[derive(Args)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct Arguments {
-    /// A trace of votes; without it one is made: a camera over 100 materials.
+    /// A trace of votes, or a scene (.gltf, .glb) of which one is recorded; without it one is made: a camera over 100
+    /// materials.
+    #[arg(value_name = "TRACE|SCENE.gltf")]
     trace: Option<PathBuf>,
+    /// Tile server (http://HOST:PORT) or folder of archives of the scene; without it the scene's own folder.
+    #[arg(long, value_name = "URL|DIR", requires = "trace")]
+    tiles: Option<String>,
+    /// Camera path through the scene; without it a quarter of a circle around it.
+    #[arg(long, visible_alias = "path", value_name = "PATH.json", requires = "trace")]
+    camera: Option<PathBuf>,
+    /// Width and height of the pictures whose pixels vote.
+    #[arg(long, default_value = "1280x720", value_parser = parse_size)]
+    size: (u32, u32),
     /// Slots of the page cache, each.
     #[arg(
         long,
@@ -30,11 +43,11 @@ pub(crate) struct Arguments {
     /// Frames of the trace at which the camera stops until all is settled.
     #[arg(long, value_name = "N", default_value_t = 4)]
     stops: usize,
-    /// Frames of the trace that is made.
-    #[arg(long, value_name = "N", default_value_t = 180, conflicts_with = "trace")]
+    /// Frames of the trace that is made or recorded.
+    #[arg(long, value_name = "N", default_value_t = 180)]
     frames: u32,
-    /// Keeps the trace that is made.
-    #[arg(long, value_name = "FILE", conflicts_with = "trace")]
+    /// Keeps the trace that is made or recorded.
+    #[arg(long, value_name = "FILE")]
     record: Option<PathBuf>,
     /// Draws error over cache size.
     #[arg(long, value_name = "FILE.svg")]
@@ -49,9 +62,10 @@ Examples:
   eigentile bench policy --plot policy.svg
   eigentile bench policy --record flight.jsonl --pages 400
   eigentile bench policy flight.jsonl --pages 100,1000 --json
+  eigentile bench policy scenes/tori/scene.gltf --tiles scenes/tiles --camera scenes/tori/camera.json --record tori.jsonl
 
 Columns: error predicted for what is resident (root mean square of reflectance) when the camera stands still and all is
-settled, of the best choice that there is, of ours, of the formulas of Schwartz, Ruiters and Klein 2013 as they stand, and
+settled, of the best choice that there is, of the best with a root for every visible material, of ours, of the formulas of Schwartz, Ruiters and Klein 2013 as they stand, and
 of the least recently used; the same over all frames of the moving camera; and pages loaded on the way. Columns of
 eigen-ABRDFs are given to all. A trace is a line of JSON with the materials, and one for each frame: [[material, tile, pixels], …].";
 
@@ -67,7 +81,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         "--loads 0: nothing would ever be there, at least 1 is needed"
     );
     let spinner = progress::spinner("policy", arguments.json);
-    let trace = trace(arguments)?;
+    let trace = trace(arguments, &|what| spinner.set_message(what.to_owned()))?;
     let plan = Plan {
         budgets: arguments.pages.clone(),
         stops: arguments.stops,
@@ -85,15 +99,18 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     Ok(write!(std::io::stdout().lock(), "{}", table(&results))?)
 }
 
-fn trace(arguments: &Arguments) -> Result<Trace> {
-    if let Some(path) = &arguments.trace {
-        let opened = File::open(path).with_context(|| format!("cannot open {}", path.display()))?;
-        return Trace::read(BufReader::new(opened)).with_context(|| path.display().to_string());
-    }
-    let trace = generate(&Synthetic {
-        frames: arguments.frames,
-        ..Synthetic::default()
-    });
+fn trace(arguments: &Arguments, progress: &dyn Fn(&str)) -> Result<Trace> {
+    let trace = match &arguments.trace {
+        Some(path) if is_scene(path) => recorded(arguments, path, progress)?,
+        Some(path) => {
+            let opened = File::open(path).with_context(|| format!("cannot open {}", path.display()))?;
+            Trace::read(BufReader::new(opened)).with_context(|| path.display().to_string())?
+        }
+        None => generate(&Synthetic {
+            frames: arguments.frames,
+            ..Synthetic::default()
+        }),
+    };
     if let Some(path) = &arguments.record {
         let created = File::create(path).with_context(|| format!("cannot write {}", path.display()))?;
         let mut to = BufWriter::new(created);
@@ -102,4 +119,25 @@ fn trace(arguments: &Arguments) -> Result<Trace> {
             .with_context(|| format!("cannot write {}", path.display()))?;
     }
     Ok(trace)
+}
+
+fn is_scene(path: &Path) -> bool {
+    let extension = path.extension().map(|extension| extension.to_ascii_lowercase());
+    extension.is_some_and(|extension| extension == "gltf" || extension == "glb")
+}
+
+/// The votes of a scene along its camera path.
+fn recorded(arguments: &Arguments, path: &Path, progress: &dyn Fn(&str)) -> Result<Trace> {
+    let scene = scenes::gltf::open(path)?.scene;
+    let frames = arguments.frames as usize;
+    let cameras = engine::cameras(&scene, arguments.camera.as_deref(), arguments.size, frames)?;
+    anyhow::ensure!(
+        !cameras.is_empty(),
+        "{}: nothing to look at: the scene has no mesh, or --frames is 0",
+        path.display()
+    );
+    let tiles = arguments.tiles.clone().map_or_else(|| own_folder(path), Ok)?;
+    let name = format!("{}, {} frames", engine::name(path), cameras.len());
+    let source = ::engine::stream::open(&tiles)?;
+    Ok(record(&name, &scene, source, arguments.size, &cameras, progress)?)
 }

@@ -242,7 +242,7 @@ fn cameras(arguments: &Arguments, scene: &Scene) -> Result<Vec<Camera>> {
 }
 
 /// The folder of the scene, where archives are looked for without --tiles.
-fn own_folder(scene: &Path) -> Result<String> {
+pub(crate) fn own_folder(scene: &Path) -> Result<String> {
     let folder = scene
         .parent()
         .filter(|folder| !folder.as_os_str().is_empty())

@@ -145,8 +145,11 @@ impl Engine {
         let moved = self.camera.replace(*camera) != Some(*camera);
         self.view += u64::from(moved);
         self.changed |= moved;
-        self.look(moved)?;
+        self.look(moved);
         ms.draw = watch.lap();
+
+        self.poll()?;
+        ms.votes = watch.lap();
 
         self.decide();
         ms.residency = watch.lap();
@@ -160,9 +163,10 @@ impl Engine {
 
         self.place(arrived)?;
         self.changed |= self.renderer.fading();
-        let texels_stitched = self.renderer.flush();
+        let strips = self.renderer.flush();
         ms.upload = watch.lap();
 
+        let texels_stitched = self.renderer.stitch(&strips);
         let after = self.summary();
         let settled = self.settled(&after);
         let drawn = (show || settled) && self.draw()?;

@@ -4,7 +4,7 @@
 //! (indices of the scene's BTFs), `votes` (votes of several frames), `records` (requests and answers), `decoding`,
 //! `workers` (what must not hold up a frame), `problems` (what went wrong), `events` (what a program is told).
 //! `prefetch`, `ahead` and `motion`: views that are not shown yet. `budgets`: changes at run time. `outputs`: pictures
-//! and counters.
+//! and counters. `measured`: what measurements need.
 
 mod ahead;
 mod archives;
@@ -12,6 +12,7 @@ mod budgets;
 mod decoding;
 mod engine;
 mod events;
+mod measured;
 mod motion;
 mod options;
 mod outputs;

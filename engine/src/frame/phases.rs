@@ -4,14 +4,14 @@ use super::{Engine, events::Event};
 use crate::{
     Result,
     decode::Decoded,
-    gpu::Ask,
+    gpu::{Ask, materials::Btf},
     residency::{Item, MaterialInfo, Placement, Summary},
     stream::Request,
 };
 
 impl Engine {
-    /// Visibility, where the view is new, and votes, where some are missing; takes the votes that are there.
-    pub(super) fn look(&mut self, moved: bool) -> Result<()> {
+    /// Visibility, where the view is new, and votes, where some are missing.
+    pub(super) fn look(&mut self, moved: bool) {
         self.look_ahead(moved);
         let pending = self.renderer.votes_pending();
         let stride = self.options.feedback_stride;
@@ -30,11 +30,10 @@ impl Engine {
             Some(ask) if asked => self.window.asked(self.view, ask.phase),
             _ => self.counters.feedback_skipped += 1,
         }
-        self.poll()
     }
 
     /// Takes what has come back from the GPU; waits for it, if so chosen.
-    fn poll(&mut self) -> Result<()> {
+    pub(super) fn poll(&mut self) -> Result<()> {
         if self.options.wait {
             self.renderer.wait()?;
         }
@@ -95,13 +94,7 @@ impl Engine {
         });
         for (archive, btf) in read {
             self.archives.set_known(archive, self.btfs.len());
-            self.residency.add_material(MaterialInfo {
-                pyramid: *btf.pyramid(),
-                groups: btf.groups(),
-                weights: btf.index.pages().iter().map(|record| record.weight).collect(),
-                page_bytes: btf.index.pages().iter().map(|record| record.length).collect(),
-                column_bytes: btf.index.columns().iter().map(|record| record.length).collect(),
-            });
+            self.residency.add_material(material_info(&btf));
             self.window.add_material(btf.pyramid().tile_count());
             self.events.add(Event::MaterialKnown {
                 archive: btf.archive.clone(),
@@ -190,5 +183,16 @@ impl Engine {
             && summary.settled
             && self.records.idle()
             && !self.renderer.fading()
+    }
+}
+
+/// What residency knows of a BTF.
+pub(super) fn material_info(btf: &Btf) -> MaterialInfo {
+    MaterialInfo {
+        pyramid: *btf.pyramid(),
+        groups: btf.groups(),
+        weights: btf.index.pages().iter().map(|record| record.weight).collect(),
+        page_bytes: btf.index.pages().iter().map(|record| record.length).collect(),
+        column_bytes: btf.index.columns().iter().map(|record| record.length).collect(),
     }
 }

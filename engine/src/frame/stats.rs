@@ -9,15 +9,17 @@ use crate::gpu::GpuMilliseconds;
 /// Milliseconds of one frame, by phase.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Milliseconds {
-    /// Reading votes and deciding.
+    /// Taking the votes that have come back; with [`super::Options::wait`] waiting for them.
+    pub votes: f64,
+    /// Deciding.
     pub residency: f64,
     /// Polling the source.
     pub source: f64,
     /// Handing records to the decoder and taking back what is decoded; decoding itself where it is part of the frame.
     pub decode: f64,
-    /// Writing slots and page tables.
+    /// Writing slots and page tables, finding borders to stitch.
     pub upload: f64,
-    /// Visibility, feedback and shading: submitted and waited for, where that is known.
+    /// Visibility, feedback, stitching and shading: submitted and waited for, where that is known.
     pub draw: f64,
     /// The passes on the GPU, of the newest frame whose times are known.
     pub gpu: Option<GpuMilliseconds>,

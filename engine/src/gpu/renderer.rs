@@ -307,14 +307,9 @@ impl Renderer {
         self.materials.fade.active()
     }
 
-    /// Once a frame: decodes pages placed as coefficients, lets new pages fade in, writes what has changed in the page
-    /// table, and stitches the borders between the pages placed since the last time and all that are resident. Returns how many texels that took: at most [`MOST_INTO`] + [`MOST_OUT`] a page
-    /// placed.
-    ///
-    /// [`MOST_INTO`]: super::borders::MOST_INTO
-    /// [`MOST_OUT`]: super::borders::MOST_OUT
-    pub fn flush(&mut self) -> u64 {
-        self.decode_waiting();
+    /// Once a frame: lets new pages fade in and writes what has changed in the page table. Returns the strips that are to be
+    /// stitched.
+    pub fn flush(&mut self) -> Vec<mirror::Strip> {
         let Materials {
             page_table,
             page_table_buffer,
@@ -334,11 +329,20 @@ impl Renderer {
                 bytemuck::cast_slice(entries),
             );
         });
-        let strips = stitch::strips(page_table, std::mem::take(&mut self.placed));
+        stitch::strips(page_table, std::mem::take(&mut self.placed))
+    }
+
+    /// Decodes the pages that were placed as coefficients, and stitches the borders between the pages placed before the last
+    /// [`Renderer::flush`] and all that are resident. Returns how many texels stitching took: at most [`MOST_INTO`] + [`MOST_OUT`] a page placed.
+    ///
+    /// [`MOST_INTO`]: super::borders::MOST_INTO
+    /// [`MOST_OUT`]: super::borders::MOST_OUT
+    pub fn stitch(&mut self, strips: &[mirror::Strip]) -> u64 {
+        self.decode_waiting();
         let timers = self.timers.as_mut();
         self.passes
             .stitch
-            .run(&self.context, &self.groups.stitch, &strips, timers)
+            .run(&self.context, &self.groups.stitch, strips, timers)
     }
 
     /// Shades and maps tones; `exposure` is a factor.

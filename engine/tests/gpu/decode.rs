@@ -192,7 +192,8 @@ fn every_page_is_what_the_decoder_makes_of_it() {
         (0..)
             .zip(&pages)
             .for_each(|(slot, &page)| bench.place(page, slot));
-        bench.renderer.flush();
+        let strips = bench.renderer.flush();
+        bench.renderer.stitch(&strips);
         for &page in pages.iter().filter(|page| page.tile != pyramid.root()) {
             bench.check(page, false);
         }
@@ -219,7 +220,8 @@ fn borders_are_those_of_the_decoder_until_neighbours_come() {
         (0..)
             .zip(&chain)
             .for_each(|(slot, &page)| bench.place(page, slot));
-        assert_eq!(bench.renderer.flush(), 0);
+        let strips = bench.renderer.flush();
+        assert_eq!(bench.renderer.stitch(&strips), 0);
         chain.iter().for_each(|&page| bench.check(page, true));
     }
 }
@@ -245,7 +247,8 @@ fn what_changes_before_it_is_decoded_is_seen_to() {
     // Slots move.
     let moves = [(0, 5), (1, 4), (2, 0), (3, 1)].map(|(from, to)| (Slot(from), Slot(to)));
     bench.resize(6, &moves);
-    bench.renderer.flush();
+    let strips = bench.renderer.flush();
+    bench.renderer.stitch(&strips);
     for page in [coarse, page(0, 1, 1, 0), page(0, 1, 0, 1)] {
         bench.check(page, false);
     }

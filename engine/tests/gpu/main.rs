@@ -13,6 +13,7 @@ mod prefetch;
 mod scene;
 mod shading;
 mod streams;
+mod virtual_pictures;
 mod votes;
 
 use std::time::Duration;

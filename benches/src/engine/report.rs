@@ -1,0 +1,110 @@
+//! Results for people.
+
+use std::fmt::Write;
+
+use super::Case;
+
+/// What is aimed at: frame time of virtual over resident, and milliseconds of the CPU besides submission.
+const RATIO_GOAL: f64 = 1.10;
+const CPU_GOAL_MS: f64 = 1.0;
+
+/// Tables in Markdown.
+pub fn table(cases: &[Case]) -> String {
+    let mut text = String::new();
+    // Writing to a string cannot fail.
+    let _ = write(&mut text, cases);
+    text
+}
+
+fn write(text: &mut String, cases: &[Case]) -> std::fmt::Result {
+    writeln!(
+        text,
+        "| virtual / resident, ms | frame | ratio (at most {RATIO_GOAL:.2}) | median of pairs | visibility | feedback | classify | shade | tonemap |\n|---|---|---:|---:|---|---:|---|---|---|"
+    )?;
+    for case in cases {
+        let (with, without) = (case.duel.virtual_ms, case.duel.resident_ms);
+        let pair = |with: f64, without: f64| {
+            if case.duel.timestamps {
+                format!("{with:.2} / {without:.2} = {:.2}", with / without.max(1e-9))
+            } else {
+                "–".into()
+            }
+        };
+        writeln!(
+            text,
+            "| {} | {:.2} / {:.2} | **{:.3}** | {:.3} | {} | {:.2} | {} | {} | {} |",
+            case.name,
+            with.frame,
+            without.frame,
+            case.duel.ratio,
+            case.duel.median_ratio,
+            pair(with.visibility, without.visibility),
+            with.feedback,
+            pair(with.classify, without.classify),
+            pair(with.shade, without.shade),
+            pair(with.tonemap, without.tonemap),
+        )?;
+    }
+    writeln!(
+        text,
+        "\n| CPU in a frame, ms | besides submission (under {CPU_GOAL_MS:.0}) | 95 % | votes | residency | source | decode | upload | submission |\n|---|---:|---:|---:|---:|---:|---:|---:|---:|"
+    )?;
+    for case in cases {
+        let moving = (&case.motion.cpu_ms, case.motion.cpu_ms_95.all);
+        let still = (&case.still.cpu_ms, case.still.cpu_ms_95.all);
+        for (what, (cpu, most)) in [("in motion", moving), ("still", still)] {
+            writeln!(
+                text,
+                "| {}, {what} | {:.3} | {most:.3} | {:.3} | {:.3} | {:.3} | {:.3} | {:.3} | {:.3} |",
+                case.name, cpu.all, cpu.votes, cpu.residency, cpu.source, cpu.decode, cpu.upload, cpu.submit
+            )?;
+        }
+    }
+    writeln!(
+        text,
+        "\n| skipped | pages that no view wants | groups left out | groups absent | pixels not shaded | tiles not shaded | frames not drawn, still | votes asked, still | bytes of votes to all counters | records from the host | pages without a record | requests cancelled |\n|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|"
+    )?;
+    for case in cases {
+        let skipped = &case.skipped;
+        let share = |part: u64, whole: u64| 100.0 * part as f64 / whole.max(1) as f64;
+        let groups: u64 = skipped.groups.iter().sum();
+        let [started, tiles] = skipped.workgroups;
+        let counters = &case.motion.counters;
+        writeln!(
+            text,
+            "| {} | {:.1} % | {:.1} % | {:.1} % | {:.1} % | {:.1} % | {} of {} | {} | {:.0} of {:.0} | {} | {} | {} |",
+            case.name,
+            share(skipped.pages - skipped.pages_wanted, skipped.pages),
+            share(skipped.groups[1], groups),
+            share(skipped.groups[2], groups),
+            share(skipped.pixels_empty, skipped.pixels),
+            share(tiles.saturating_sub(started), tiles),
+            case.still.frames - case.still.drawn,
+            case.still.frames,
+            case.still.asked,
+            skipped.vote_bytes[0],
+            skipped.vote_bytes[1],
+            counters.records_from_host,
+            counters.pages_not_stored,
+            counters.requests_cancelled,
+        )?;
+    }
+    writeln!(
+        text,
+        "\n| memory | triangles | GPU MiB | host MiB | frames a second, virtual | error left when resident |\n|---|---:|---:|---:|---:|---:|"
+    )?;
+    for case in cases {
+        let mib = |bytes: u64| bytes as f64 / f64::from(1 << 20);
+        writeln!(
+            text,
+            "| {} | {} | {:.1} | {:.1} | {:.1} | {:.5} |",
+            case.name,
+            case.triangles,
+            mib(case.gpu_bytes),
+            mib(case.host_bytes),
+            case.duel.frames_per_second,
+            case.resident_rms
+        )?;
+    }
+    Ok(())
+}

@@ -1,0 +1,182 @@
+//! `eigentile bench engine`: what virtual textures cost in a frame, and what is skipped.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use ::benches::engine::{Archives, Case, Plan, Subject, built_in, measure, orbit, table};
+use anyhow::{Context, Result, ensure};
+use clap::Args;
+use scenes::{Camera, CameraPath, Scene};
+use serde::Serialize;
+
+use crate::render::{own_folder, parse_size};
+use crate::{file, progress};
+
+/// Measure frames with virtual textures against frames with all resident, the CPU by phase, and work that is skipped.
+#[derive(Args)]
+#[command(after_help = EXAMPLES)]
+pub(crate) struct Arguments {
+    /// Scene: .gltf or .glb; without one a grid of tori with 1, 10 and 100 materials is made.
+    #[arg(value_name = "SCENE.gltf")]
+    scene: Option<PathBuf>,
+    /// Tile server (http://HOST:PORT) or folder of archives; without it the scene's own folder.
+    #[arg(long, value_name = "URL|DIR", requires = "scene")]
+    tiles: Option<String>,
+    /// Camera path; without it a quarter of a circle around the scene.
+    #[arg(long, value_name = "PATH.json", requires = "scene")]
+    camera: Option<PathBuf>,
+    /// Width and height of the pictures, pixels.
+    #[arg(long, default_value = "320x180", value_parser = parse_size)]
+    size: (u32, u32),
+    /// Views along the path.
+    #[arg(long, value_name = "N", default_value_t = 12)]
+    frames: usize,
+    /// Times that the path is gone, with and without virtual textures.
+    #[arg(long, value_name = "N", default_value_t = 3)]
+    rounds: usize,
+    /// Frames in which the camera stands still.
+    #[arg(long, value_name = "N", default_value_t = 200)]
+    still: usize,
+    /// Memory on the GPU for pages and columns, MiB; all that the path wants should fit.
+    #[arg(long, value_name = "N", default_value_t = 512)]
+    cache_mib: u64,
+    /// Prints what was measured as JSON, and no progress.
+    #[arg(long)]
+    json: bool,
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  eigentile bench engine
+  eigentile bench engine --json > benches/results/engine.json
+  eigentile bench engine scenes/tori/scene.gltf --tiles scenes/tiles --camera scenes/tori/camera.json --size 1280x720
+
+Virtual is a whole frame. Resident is the same renderer with the same pages, all that the path wants in the cache, without
+feedback, votes, decisions, streaming and border stitching; it still reads the page table. Both are drawn alternately; of
+each view the fastest of all rounds counts. Passes are timed on the GPU where it has timestamps.";
+
+/// Materials of the scenes that are made.
+const MATERIALS: [usize; 3] = [1, 10, 100];
+/// Most views, rounds and still frames.
+const MOST: usize = 100_000;
+
+/// All that was measured, and where.
+#[derive(Serialize)]
+struct Report {
+    device: String,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    commit: Option<String>,
+    settings: Plan,
+    cases: Vec<Case>,
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<()> {
+    for (name, value) in [
+        ("--frames", arguments.frames),
+        ("--rounds", arguments.rounds),
+        ("--still", arguments.still),
+    ] {
+        ensure!(
+            (1..=MOST).contains(&value),
+            "{name} is {value}; it must be 1 to {MOST}"
+        );
+    }
+    let bytes = arguments
+        .cache_mib
+        .checked_mul(1 << 20)
+        .context("--cache-mib is too large")?;
+    let plan = Plan {
+        size: arguments.size,
+        page_cache_bytes: bytes - bytes / 3,
+        column_cache_bytes: bytes / 3,
+        rounds: arguments.rounds,
+        static_frames: arguments.still,
+    };
+    let spinner = progress::spinner("engine", arguments.json);
+    let subjects = match &arguments.scene {
+        Some(scene) => vec![subject(arguments, scene)?],
+        None => {
+            spinner.set_message("making materials");
+            let of = |materials| built_in(materials, arguments.frames);
+            MATERIALS.map(of).into_iter().collect::<::benches::Result<_>>()?
+        }
+    };
+    let report = Report {
+        device: ::engine::gpu::Context::headless()?.adapter(),
+        commit: commit(),
+        settings: plan,
+        cases: subjects
+            .iter()
+            .map(|subject| {
+                Ok(measure(subject, &plan, &|what| {
+                    spinner.set_message(what.to_owned())
+                })?)
+            })
+            .collect::<Result<_>>()?,
+    };
+    spinner.finish_and_clear();
+    if arguments.json {
+        return file::print_json(&report);
+    }
+    let (width, height) = plan.size;
+    let on = format!("{width}×{height} on {}", report.device);
+    Ok(write!(
+        std::io::stdout().lock(),
+        "{on}\n\n{}",
+        table(&report.cases)
+    )?)
+}
+
+fn subject(arguments: &Arguments, path: &Path) -> Result<Subject> {
+    let scenes::gltf::Loaded { scene, notes } = scenes::gltf::open(path)?;
+    if !arguments.json {
+        notes.iter().for_each(|note| eprintln!("note: {note}"));
+    }
+    let cameras = cameras(
+        &scene,
+        arguments.camera.as_deref(),
+        arguments.size,
+        arguments.frames,
+    )?;
+    let tiles = arguments.tiles.clone().map_or_else(|| own_folder(path), Ok)?;
+    Ok(Subject {
+        name: name(path),
+        scene,
+        archives: Archives::At(tiles),
+        cameras,
+    })
+}
+
+/// The folder and the name of a scene: most are called "scene".
+pub(super) fn name(path: &Path) -> String {
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+    let folder = path.parent().and_then(Path::file_name);
+    folder.map_or_else(
+        || stem.to_string(),
+        |folder| format!("{}/{stem}", folder.to_string_lossy()),
+    )
+}
+
+/// Views along a path, or around the scene.
+pub(super) fn cameras(
+    scene: &Scene,
+    path: Option<&Path>,
+    size: (u32, u32),
+    frames: usize,
+) -> Result<Vec<Camera>> {
+    match path {
+        Some(path) => Ok(CameraPath::load(path)?.frames(frames).collect()),
+        None => Ok(orbit(scene, size.0 as f32 / size.1 as f32, frames)),
+    }
+}
+
+/// What git says of the working folder, if it is there.
+fn commit() -> Option<String> {
+    let output = Command::new("git")
+        .args(["describe", "--always", "--dirty"])
+        .output()
+        .ok()?;
+    let text = String::from_utf8(output.stdout).ok()?.trim().to_owned();
+    (output.status.success() && !text.is_empty()).then_some(text)
+}
