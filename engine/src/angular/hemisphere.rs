@@ -37,7 +37,7 @@ pub struct Hemisphere {
     texels: Vec<([u32; 3], [f32; 3])>,
 }
 
-/// Side of the maps for so many lights, in texels: [`TEXELS_A_LIGHT`] for each of them along an axis of the disc, and as
+/// Side of the maps for so many lights, in texels: `TEXELS_A_LIGHT` for each of them along an axis of the disc, and as
 /// many more as there is room for in a row of maps.
 pub fn map_side(lights: usize) -> u32 {
     let distance = (std::f64::consts::PI / lights.max(1) as f64).sqrt();

@@ -9,7 +9,7 @@ impl Renderer {
     /// A resident page as it lies in the cache, `[y][x]` with its border. Waits.
     ///
     /// # Errors
-    /// [`Error::Adapter`] if the device has failed.
+    /// [`crate::Error::Adapter`] if the device has failed.
     pub fn page(&self, btf: usize, page: PageId) -> Result<Option<Page>> {
         let Materials {
             pages, page_table, ..
@@ -27,7 +27,7 @@ impl Renderer {
     /// The last picture, linear. Waits.
     ///
     /// # Errors
-    /// [`Error::Adapter`] if the device has failed.
+    /// [`crate::Error::Adapter`] if the device has failed.
     pub fn picture(&self) -> Result<Picture> {
         let bytes = readback::texels(&self.context, &self.targets.picture)?;
         let (width, height) = self.targets.size;
@@ -45,7 +45,7 @@ impl Renderer {
     /// The last picture in 8-bit sRGB with alpha. Waits.
     ///
     /// # Errors
-    /// [`Error::Adapter`] if the device has failed.
+    /// [`crate::Error::Adapter`] if the device has failed.
     pub fn tonemapped(&self) -> Result<Vec<u8>> {
         readback::texels(&self.context, &self.targets.screen)
     }
@@ -53,7 +53,7 @@ impl Renderer {
     /// For each pixel its instance, counted from 1, and triangle; 0 where nothing is. Waits.
     ///
     /// # Errors
-    /// [`Error::Adapter`] if the device has failed.
+    /// [`crate::Error::Adapter`] if the device has failed.
     pub fn visibility(&self) -> Result<Vec<[u32; 2]>> {
         let bytes = readback::texels(&self.context, &self.targets.ids.visibility)?;
         Ok(bytes.chunks_exact(8).map(bytemuck::pod_read_unaligned).collect())

@@ -47,7 +47,7 @@ impl Renderer {
     /// A renderer whose BTF materials are all unknown.
     ///
     /// # Errors
-    /// [`Error::Scene`] if the scene does not hold together, [`Error::Budget`] if it is too large for the adapter.
+    /// [`crate::Error::Scene`] if the scene does not hold together, [`crate::Error::Budget`] if it is too large for the adapter.
     pub fn new(context: Context, scene: &Scene, size: (u32, u32)) -> Result<Self> {
         let geometry = Geometry::new(&context, scene)?;
         let frame = view::frame(scene);
@@ -95,7 +95,7 @@ impl Renderer {
     /// Appends a BTF to the tables; its index counts up from 0. Nothing of it shows before [`Renderer::show_btfs`].
     ///
     /// # Errors
-    /// [`Error::Budget`] if tables would exceed the adapter; then all stays as it is.
+    /// [`crate::Error::Budget`] if tables would exceed the adapter; then all stays as it is.
     pub fn add_btf(&mut self, btf: &Btf) -> Result<()> {
         self.materials.add(&self.context, btf)
     }
@@ -104,7 +104,7 @@ impl Renderer {
     /// back are lost, what is resident stays.
     ///
     /// # Errors
-    /// [`Error::Adapter`] if the device fails.
+    /// [`crate::Error::Adapter`] if the device fails.
     pub fn show_btfs(&mut self, btf_of: &[Option<usize>]) -> Result<()> {
         self.materials.show(&self.context, &self.scene_materials, btf_of);
         let votes = self.materials.tables.votes;
@@ -117,7 +117,7 @@ impl Renderer {
     /// no BTF is known.
     ///
     /// # Errors
-    /// [`Error::Budget`] if the caches do not hold one page and one column.
+    /// [`crate::Error::Budget`] if the caches do not hold one page and one column.
     pub fn layout(&self, caches: Caches, column_quads: u64) -> Result<Layout> {
         Layout::new(&self.context, caches, column_quads)
     }
@@ -127,7 +127,7 @@ impl Renderer {
     /// are done.
     ///
     /// # Errors
-    /// [`Error::Adapter`] if the device fails.
+    /// [`crate::Error::Adapter`] if the device fails.
     pub fn resize_caches(
         &mut self,
         layout: Layout,
@@ -151,7 +151,7 @@ impl Renderer {
     /// Changes the size of the picture.
     ///
     /// # Errors
-    /// [`Error::Budget`] for no pixels, or more than the adapter has.
+    /// [`crate::Error::Budget`] for no pixels, or more than the adapter has.
     pub fn resize(&mut self, size: (u32, u32)) -> Result<()> {
         self.targets = Targets::new(&self.context, size)?;
         self.bind();
@@ -223,11 +223,11 @@ impl Renderer {
     /// debug builds panic, and others leave the page out, so that coarser ones show in its place.
     ///
     /// # Errors
-    /// [`Error::Adapter`] if there are no passes to decode with, [`Error::Budget`] if the adapter has no room for their
+    /// [`crate::Error::Adapter`] if there are no passes to decode with, [`crate::Error::Budget`] if the adapter has no room for their
     /// buffers.
     ///
-    /// [`Error::Adapter`]: crate::Error::Adapter
-    /// [`Error::Budget`]: crate::Error::Budget
+    /// [`crate::Error::Adapter`]: crate::Error::Adapter
+    /// [`crate::Error::Budget`]: crate::Error::Budget
     pub fn place_coefficients(
         &mut self,
         btf: usize,
@@ -379,7 +379,7 @@ impl Renderer {
     /// Draws as [`Renderer::draw`] does, and counts what that takes. Waits.
     ///
     /// # Errors
-    /// [`Error::Adapter`] if the device has failed.
+    /// [`crate::Error::Adapter`] if the device has failed.
     pub fn draw_counting(&mut self, exposure: f32) -> Result<ShadingWork> {
         // A new classification starts the counts anew.
         self.classified = false;
@@ -406,7 +406,7 @@ impl Renderer {
     /// Waits for all submitted work; at once in browsers.
     ///
     /// # Errors
-    /// [`Error::Adapter`] if the device has failed.
+    /// [`crate::Error::Adapter`] if the device has failed.
     pub fn wait(&self) -> Result<()> {
         self.context.wait()
     }
