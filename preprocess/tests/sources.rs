@@ -168,7 +168,7 @@ fn exr_channels_are_taken_by_name_and_those_of_utia_as_xyz() {
     let white = [0.9505, 1.0, 1.089];
     let [x, y, z] = white.map(|value| [value; 4]);
     let ramp = [0.0, 1.0, 2.0, -0.5];
-    let cases: [(&str, Vec<u8>, [f32; 3]); 5] = [
+    let cases: [(&str, Vec<u8>, [f32; 3]); 7] = [
         (
             "tv0_pv0_tl0_pl0.exr",
             exr(&[("X", x), ("Y", y), ("Z", z)], 2, 2),
@@ -193,6 +193,31 @@ fn exr_channels_are_taken_by_name_and_those_of_utia_as_xyz() {
             "tl0_pl0_tv0_pv0.exr",
             exr(&[("A", x), ("v.B", ramp), ("v.G", y), ("v.R", x)], 2, 2),
             [0.9505, 1.0, 0.0],
+        ),
+        (
+            "tl0_pl0_tv0_pv0.exr",
+            exr(
+                &[
+                    ("B", ramp),
+                    ("G", ramp),
+                    ("R", ramp),
+                    ("T.400,0nm", y),
+                    ("T.550,0nm", y),
+                    ("T.700,0nm", y),
+                ],
+                2,
+                2,
+            ),
+            [1.0; 3],
+        ),
+        (
+            "tl0_pl0_tv0_pv0.exr",
+            exr(
+                &[("400nm", z), ("500nm", x), ("600nm", y), ("700nm", [0.0; 4])],
+                2,
+                2,
+            ),
+            [0.80386, 0.98140, 1.02132],
         ),
     ];
     for (index, (name, bytes, expected)) in cases.into_iter().enumerate() {

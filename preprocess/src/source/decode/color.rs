@@ -41,7 +41,7 @@ pub(super) static LINEAR_FROM_SRGB16: LazyLock<Vec<f32>> = LazyLock::new(|| {
 });
 
 /// Rows: red, green, blue; columns: X, Y, Z.
-const RGB_FROM_XYZ: [[f64; 3]; 3] = [
+pub(super) const RGB_FROM_XYZ: [[f64; 3]; 3] = [
     [3.2409699419045226, -1.537383177570094, -0.4986107602930034],
     [-0.9692436362808796, 1.8759675015077202, 0.04155505740717559],
     [0.05563007969699366, -0.20397695888897652, 1.0569715142428786],

@@ -1,6 +1,7 @@
 //! OpenEXR: half, float or integer channels, by name.
 //!
-//! Read are R, G, B or X, Y, Z, or one grey channel, of the first flat layer; other channels are left out.
+//! Read are a spectrum, or R, G, B or X, Y, Z, or one grey channel, of the first flat layer; other channels are left
+//! out. A spectrum goes before R, G, B, which then are a preview of it.
 
 use std::io::Cursor;
 
@@ -8,9 +9,10 @@ use exr::image::FlatSamples;
 use exr::meta::MetaData;
 use exr::meta::attribute::{Chromaticities, SampleType};
 use exr::prelude::{ReadChannels, ReadLayers, read};
+use half::slice::HalfFloatSliceExt;
 
 use super::color::{linear_from_srgb, rgb_from_xyz};
-use super::{Color, Reading};
+use super::{Color, Reading, spectrum};
 
 /// Channels named in an error at most.
 const MAX_NAMES: usize = 12;
@@ -69,6 +71,22 @@ pub(super) fn decode(
     }
     let channels = &layer.channel_data.list;
     let names: Vec<String> = channels.iter().map(|channel| channel.name.to_string()).collect();
+    let texels = out.len() / 3;
+    let plane_of = |channel: usize, plane: &mut [f32]| to_floats(&channels[channel].sample_data, plane);
+    let spectrum = spectrum::samples(&names)?;
+    if !spectrum.is_empty() {
+        out.fill(0.0);
+        let mut plane = vec![0.0; texels];
+        for sample in spectrum {
+            plane_of(sample.channel, &mut plane)?;
+            for (out, weight) in out.chunks_exact_mut(texels).zip(sample.rgb) {
+                out.iter_mut()
+                    .zip(&plane)
+                    .for_each(|(out, value)| *out += weight * value);
+            }
+        }
+        return Ok(());
+    }
     let Some((picked, named_xyz)) = pick(&names) else {
         let shown = names
             .iter()
@@ -77,31 +95,14 @@ pub(super) fn decode(
             .collect::<Vec<_>>()
             .join(", ");
         return Err(format!(
-            "has the {} channels {shown}{}, expected R, G, B or X, Y, Z or one channel",
+            "has the {} channels {shown}{}, expected R, G, B or X, Y, Z or one channel, or wavelengths as in \
+             T.550nm",
             names.len(),
             if names.len() > MAX_NAMES { ", …" } else { "" }
         ));
     };
-    let texels = out.len() / 3;
     for (plane, channel) in out.chunks_exact_mut(texels).zip(picked) {
-        let samples = &channels[channel].sample_data;
-        if samples.len() != texels {
-            return Err(format!(
-                "has {} samples in a channel, expected {texels}",
-                samples.len()
-            ));
-        }
-        use half::slice::HalfFloatSliceExt;
-        match samples {
-            FlatSamples::F16(samples) => samples.convert_to_f32_slice(plane),
-            FlatSamples::F32(samples) => plane.copy_from_slice(samples),
-            FlatSamples::U32(samples) => {
-                plane
-                    .iter_mut()
-                    .zip(samples)
-                    .for_each(|(out, &sample)| *out = sample as f32);
-            }
-        }
+        plane_of(channel, plane)?;
     }
     let told = image.attributes.chromaticities.as_ref().map(are_xyz);
     let is_xyz = named_xyz || told.unwrap_or(reading.exr_rgb_is_xyz && picked[0] != picked[1]);
@@ -114,6 +115,28 @@ pub(super) fn decode(
         Color::Srgb => out
             .iter_mut()
             .for_each(|value| *value = linear_from_srgb((*value).into()) as f32),
+    }
+    Ok(())
+}
+
+/// One channel as floats.
+fn to_floats(samples: &FlatSamples, plane: &mut [f32]) -> Result<(), String> {
+    if samples.len() != plane.len() {
+        return Err(format!(
+            "has {} samples in a channel, expected {}",
+            samples.len(),
+            plane.len()
+        ));
+    }
+    match samples {
+        FlatSamples::F16(samples) => samples.convert_to_f32_slice(plane),
+        FlatSamples::F32(samples) => plane.copy_from_slice(samples),
+        FlatSamples::U32(samples) => {
+            plane
+                .iter_mut()
+                .zip(samples)
+                .for_each(|(out, &sample)| *out = sample as f32);
+        }
     }
     Ok(())
 }

@@ -13,6 +13,7 @@
 mod color;
 mod exr;
 mod raster;
+mod spectrum;
 
 pub use color::Color;
 
