@@ -70,6 +70,8 @@ fn a_folder_and_a_zip_hold_the_same() {
             "{}",
             btf.format()
         );
+        // An encoded image, and twice 5 × 3 texels of 3 bytes.
+        assert!(btf.decoding_bytes() > 2 * 5 * 3 * 3);
         assert!(btf.stored_bytes() > 0 && btf.place(5).ends_with("tl045_pl000_tv030_pv000.png"));
         for (view, light) in (0..3).flat_map(|view| (0..4).map(move |light| (view, light))) {
             let samples = samples(&btf, view * 4 + light);

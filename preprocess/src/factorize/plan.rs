@@ -97,7 +97,7 @@ pub(super) fn plan(btf: &Btf, settings: &Settings) -> Result<Plan> {
     };
     let (width, most) = (width.min(smaller_side), most.min(smaller_side));
     let threads = rayon::current_num_threads() as u64;
-    let overhead = OVERHEAD_BYTES + threads * SCRATCH_BYTES as u64;
+    let overhead = OVERHEAD_BYTES + threads * (SCRATCH_BYTES as u64 + btf.decoding_bytes());
     let least_rows = MIN_BLOCK_ROWS.min(btf.rows());
     // For each of its rows a block has samples, mapped or decoded, and, of each task, a product of its own.
     let tasks = btf.columns().div_ceil(task_texels(btf.columns())) as u64;

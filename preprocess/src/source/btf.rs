@@ -170,6 +170,11 @@ impl Btf {
         self.images.sample_bytes()
     }
 
+    /// Bytes of memory that each thread takes beside the samples while it makes them.
+    pub fn decoding_bytes(&self) -> u64 {
+        self.images.decoding_bytes()
+    }
+
     /// The samples of consecutive images, `[image][rgb][y][x]`; see [`Images::samples`]. Not checked for NaN and
     /// infinity.
     ///

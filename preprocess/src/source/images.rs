@@ -20,6 +20,12 @@ pub trait Images: Send + Sync + std::fmt::Debug {
         4
     }
 
+    /// Bytes of memory that each thread takes beside the samples while it makes them: an encoded image and what its
+    /// decoder makes of it.
+    fn decoding_bytes(&self) -> u64 {
+        0
+    }
+
     /// The samples of consecutive images, `[image][rgb][y][x]`, linear: from a map of the file, or decoded into
     /// `buffer`, which is resized as needed and keeps its capacity from call to call.
     ///

@@ -82,7 +82,7 @@ pub(super) struct Header {
     /// Width and height.
     pub(super) size: (u32, u32),
     /// Bytes of its samples when decoded.
-    decoded_bytes: u64,
+    pub(super) decoded_bytes: u64,
 }
 
 /// Reads the header. `bytes` may be only the beginning of the file, if that is long enough.

@@ -40,6 +40,8 @@ pub(super) struct ImageSet {
     files: Vec<usize>,
     /// Width and height of all images.
     size: (u32, u32),
+    /// Of its decoded samples as they stand in the first image.
+    decoded_bytes: u64,
     reading: Reading,
     format: String,
     notes: Vec<String>,
@@ -62,6 +64,13 @@ impl Images for ImageSet {
     fn stored_bytes(&self) -> u64 {
         let files = self.collection.files();
         self.files.iter().map(|&file| files[file].stored_bytes).sum()
+    }
+
+    /// The largest file, its samples as its decoder has them, and a copy of these in another type.
+    fn decoding_bytes(&self) -> u64 {
+        let files = self.collection.files();
+        let largest = self.files.iter().map(|&file| files[file].stored_bytes).max();
+        largest.unwrap_or(0) + 2 * self.decoded_bytes
     }
 
     fn samples<'a>(&'a self, images: Range<usize>, buffer: &'a mut Vec<f32>) -> Result<Samples<'a>> {

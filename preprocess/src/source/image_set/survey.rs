@@ -176,7 +176,8 @@ impl Survey {
         }
         let sampling = self.sampling(overrides);
         let files: Vec<usize> = self.grid.files.iter().flatten().copied().collect();
-        let size = self.collection.header(files[0])?.size;
+        let header = self.collection.header(files[0])?;
+        let size = header.size;
         let exr_rgb_is_xyz = self.scheme == Scheme::Utia;
         if exr_rgb_is_xyz && overrides.color.is_none() && self.format.contains("EXR") {
             self.notes.push(
@@ -199,6 +200,7 @@ impl Survey {
         let images = ImageSet {
             files,
             size,
+            decoded_bytes: header.decoded_bytes,
             reading: Reading {
                 color,
                 exr_rgb_is_xyz,

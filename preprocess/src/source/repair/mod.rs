@@ -162,6 +162,10 @@ impl Images for Repaired {
         self.inner.sample_bytes() + size_of::<f32>()
     }
 
+    fn decoding_bytes(&self) -> u64 {
+        self.inner.decoding_bytes()
+    }
+
     fn samples<'a>(&'a self, images: Range<usize>, buffer: &'a mut Vec<f32>) -> Result<Samples<'a>> {
         let harmed = |image| self.repairs.known(image).is_none_or(|harm| harm.any);
         if !images.clone().any(harmed) {
