@@ -250,6 +250,13 @@ fn values_and_arguments_that_cannot_be_coded_are_refused() {
     let coarse = Codec::DctDeltaZstd { step: 1.0 };
     let largest = encode(coarse, root, &mip(20, 65504.0), None).unwrap().decoded;
     assert_eq!(largest.texels[0], [f16::MAX; 4]);
+    // A step from one end of the range to the other swings beyond it when it is halved.
+    let mut edge = mip(20, 65504.0);
+    edge.texels
+        .chunks_exact_mut(20)
+        .for_each(|row| row[..9].fill([-65504.0; 4]));
+    let edge = encode(coarse, root, &edge, None).unwrap().decoded;
+    assert!(edge.texels.iter().flatten().all(|value| value.is_finite()));
     for step in [0.0, -1.0, f64::NAN, f64::INFINITY, 1e-300, 1e300] {
         let codec = Codec::DctDeltaZstd { step };
         assert!(matches!(

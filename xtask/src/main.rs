@@ -1,11 +1,12 @@
-//! Set-up, demo and tests of the whole workspace: `cargo xtask setup|demo|test`.
+//! Set-up, demo and tests of the whole workspace: `cargo xtask setup|demo|test|fuzz`.
 
+mod fuzz;
 mod setup;
 mod steps;
 
 use std::process::ExitCode;
 
-use anyhow::{Result, bail};
+use anyhow::{Context, Result, bail};
 use steps::{Steps, cargo};
 
 const HELP: &str = "\
@@ -15,6 +16,8 @@ Usage: cargo xtask COMMAND
                says what to install elsewhere
   demo [ARGS]  set up, build, and run `eigentile demo ARGS`
   test         set up; formatting, clippy, all tests, documentation; warnings are errors
+  fuzz [SECONDS]
+               run every fuzz target for so long (60), with a C++ compiler; what they find is kept in target/fuzz
 
 Examples:
   cargo xtask demo -o /tmp/demo
@@ -66,6 +69,13 @@ fn run(arguments: &[String]) -> Result<()> {
                     .env("RUSTDOCFLAGS", "-D warnings")
                     .run()
             })?;
+        }
+        Some(("fuzz", rest @ ([] | [_]))) => {
+            let seconds = match rest {
+                [seconds] => seconds.parse().with_context(|| format!("seconds: {seconds:?}"))?,
+                _ => 60,
+            };
+            steps.run("fuzz", || fuzz::fuzz(seconds))?;
         }
         Some(("-h" | "--help" | "help", _)) | None => println!("{HELP}"),
         Some((command, _)) => {

@@ -43,7 +43,14 @@ pub(crate) struct Program(Command);
 
 /// The cargo that runs this program, on this workspace, in the folder where the user is.
 pub(crate) fn cargo(arguments: &[&str]) -> Program {
-    let manifest = Path::new(env!("CARGO_MANIFEST_DIR")).with_file_name("Cargo.toml");
+    cargo_of(
+        &Path::new(env!("CARGO_MANIFEST_DIR")).with_file_name("Cargo.toml"),
+        arguments,
+    )
+}
+
+/// The same on another workspace.
+pub(crate) fn cargo_of(manifest: &Path, arguments: &[&str]) -> Program {
     let (command, rest) = arguments.split_first().unwrap_or((&"help", &[]));
     let program = Program::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
     program

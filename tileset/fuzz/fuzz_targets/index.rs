@@ -30,9 +30,10 @@ fn with_checksums(bytes: &[u8]) -> Option<Vec<u8>> {
     let mut bytes = bytes.to_vec();
     let length_at = |at: usize| Some(u64::from_le_bytes(bytes.get(at..at + 8)?.try_into().ok()?) as usize);
     let (manifest, directory) = (length_at(24)?, length_at(32)?);
-    let rest = bytes.get(64..)?;
-    let manifest_hash = xxh3_64(rest.get(..manifest)?);
-    let directory_hash = xxh3_64(rest.get(manifest..)?.get(..directory)?);
+    let tables = u32::from_le_bytes(bytes.get(12..16)?.try_into().ok()?) as usize;
+    let (rest, before) = (bytes.get(64..)?, manifest.checked_add(tables)?);
+    let manifest_hash = xxh3_64(rest.get(..before)?);
+    let directory_hash = xxh3_64(rest.get(before..)?.get(..directory)?);
     let file_bytes = bytes.len() as u64;
     for (at, value) in [(16, file_bytes), (40, manifest_hash), (48, directory_hash)] {
         bytes[at..at + 8].copy_from_slice(&value.to_le_bytes());

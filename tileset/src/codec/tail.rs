@@ -1,6 +1,10 @@
 //! The packed tail: from the payload of its finest mip to borders and all coarser mips.
 
-use super::{MipImage, page::Page, region::address};
+use super::{
+    MipImage,
+    page::Page,
+    region::{HALF_MAX, address},
+};
 use crate::{BORDER_TEXELS, PAGE_TEXELS, Pyramid, SLOT_TEXELS};
 use half::f16;
 
@@ -9,8 +13,8 @@ const _: () = assert!(
     "the tail fits into its slot"
 );
 
-/// Fills in what the finest mip's payload determines. Each mip is the box filter of the half floats of the
-/// next finer one, so that a decoder gets the same bits as the encoder.
+/// Fills in what the finest mip's payload determines. Each mip is made of the half floats of the next finer one, so that
+/// a decoder gets the same bits as the encoder.
 pub(super) fn assemble(pyramid: &Pyramid, page: &mut Page) {
     let root = pyramid.root();
     let (width, height) = pyramid.mip_size(root.mip);
@@ -30,7 +34,8 @@ pub(super) fn assemble(pyramid: &Pyramid, page: &mut Page) {
         if level > root.mip {
             mip = mip.downsample();
             for texel in &mut mip.texels {
-                *texel = texel.map(|value| f16::from_f32(value).to_f32());
+                // Halving swings beyond the values that it halves: at the end of the range to infinity.
+                *texel = texel.map(|value| f16::from_f32(value.clamp(-HALF_MAX, HALF_MAX)).to_f32());
             }
         }
         place(pyramid, level, &mip, page);
