@@ -8,6 +8,7 @@ mod changes;
 mod decode;
 mod material;
 mod odd;
+mod page_formats;
 mod pictures;
 mod prefetch;
 mod scene;
