@@ -44,10 +44,11 @@ fn bytes_err_as_much_as_is_predicted_and_take_half_the_memory() {
     };
     let archive = recipe.build();
     let archives: &[(&str, &[u8])] = &[("weave", &archive)];
-    let scene = ambient_square(2.0);
-    let camera = slanted(1.2);
+    let scene = ambient_square(1.0);
+    // Magnified: two mips blended would have less error.
+    let camera = slanted(0.5);
     let draw = |format| {
-        let mut engine = engine(&scene, archives, with(format, (240, 160)));
+        let mut engine = engine(&scene, archives, with(format, (192, 128)));
         let last = *settle(&mut engine, &camera).last().unwrap();
         (engine.picture().unwrap(), last, engine)
     };
@@ -80,7 +81,7 @@ fn bytes_err_as_much_as_is_predicted_and_take_half_the_memory() {
 fn a_virtual_picture_in_bytes_is_the_one_with_all_resident() {
     let archive = Recipe::default().build();
     let archives: &[(&str, &[u8])] = &[("weave", &archive)];
-    let (scene, camera) = still_life();
+    let (scene, camera) = (ambient_square(1.0), slanted(1.5));
     let mut large = engine(&scene, archives, with(PageFormat::Byte, (160, 90)));
     let wanted = settle(&mut large, &camera).last().unwrap().pages_wanted;
     // In another order, and in as little room as it takes.
@@ -281,7 +282,9 @@ fn a_material_of_odd_values_is_drawn_in_bytes() {
         settle(&mut engine, &slanted(distance));
         let picture = engine.picture().unwrap();
         assert!(picture.pixels.iter().flatten().all(|value| value.is_finite()));
-        assert!(picture.pixels.iter().flatten().any(|value| *value > 0.1));
+        let most = picture.pixels.iter().flatten().copied().fold(0.0, f32::max);
+        // Against the ridge the mean of all is less than half a step, and lost in the page of the coarsest mips.
+        assert_eq!(most > 100.0, repeats == 1.0, "{most}");
     }
 }
 
@@ -289,7 +292,7 @@ fn a_material_of_odd_values_is_drawn_in_bytes() {
 fn budgets_change_while_the_cache_holds_bytes() {
     let archive = Recipe::default().build();
     let archives: &[(&str, &[u8])] = &[("weave", &archive)];
-    let (scene, camera) = still_life();
+    let (scene, camera) = (ambient_square(1.0), slanted(1.5));
     let mut engine = engine(&scene, archives, with(PageFormat::Byte, (160, 90)));
     settle(&mut engine, &camera);
     let whole = engine.picture().unwrap();
@@ -320,18 +323,18 @@ fn the_ledger_chooses_the_format_of_the_smaller_error() {
     // All of its energy in one mean; what its finer pages add is less than bytes would round away.
     fn bright(component: u32, s: f64, t: f64) -> f64 {
         let turn = std::f64::consts::TAU;
-        let detail = 0.02 * (turn * 60.0 * s).sin() * (turn * 50.0 * t).cos();
-        if component == 0 { 200.0 + detail } else { detail }
+        let detail = 0.01 * (turn * 60.0 * s).sin() * (turn * 50.0 * t).cos();
+        if component == 0 { 20.0 + detail } else { detail }
     }
     let smooth = Recipe {
         texture: bright,
         ..Default::default()
     }
     .build();
-    let (scene, camera) = still_life();
+    let (scene, camera) = (ambient_square(1.0), slanted(1.5));
     let few = Options {
         page_cache_bytes: 12 * SLOT_BYTES,
-        ..options((160, 90))
+        ..options((192, 128))
     };
     for (archive, format) in [(&rich, PageFormat::Byte), (&smooth, PageFormat::Half)] {
         let archives: &[(&str, &[u8])] = &[("weave", archive)];
