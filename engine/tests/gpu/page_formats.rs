@@ -3,7 +3,7 @@
 use engine::{
     Error,
     frame::{Budgets, Decode},
-    gpu::{Caches, PageFormat, Renderer, materials::Btf, page_cache::SLOT_BYTES, page_format::rounding_mse},
+    gpu::{Caches, Renderer, materials::Btf, page_cache::SLOT_BYTES, page_format::rounding_mse},
     residency::Slot,
 };
 use half::f16;
@@ -334,6 +334,7 @@ fn the_ledger_chooses_the_format_of_the_smaller_error() {
     let (scene, camera) = (ambient_square(1.0), slanted(1.5));
     let few = Options {
         page_cache_bytes: 12 * SLOT_BYTES,
+        page_format: None,
         ..options((192, 128))
     };
     for (archive, format) in [(&rich, PageFormat::Byte), (&smooth, PageFormat::Half)] {
