@@ -55,12 +55,16 @@ impl Worths {
             })
             .collect();
         for (record, share) in btf.index.pages().iter().zip(shares.iter().cycle()) {
-            let worth = (f64::from(record.weight) * share).max(0.0) as f32;
-            let worth = if worth.is_finite() { worth } else { 0.0 };
-            let (pages, sum) = &mut self.bins[(worth.to_bits() >> BIN_SHIFT) as usize];
-            *pages += 1.0;
-            *sum += f64::from(worth);
+            self.count((f64::from(record.weight) * share) as f32);
         }
+    }
+
+    /// Adds a page; what is no positive number is worth nothing.
+    fn count(&mut self, worth: f32) {
+        let worth = if worth.is_finite() { worth.max(0.0) } else { 0.0 };
+        let (pages, sum) = &mut self.bins[(worth.to_bits() >> BIN_SHIFT) as usize];
+        *pages += 1.0;
+        *sum += f64::from(worth);
     }
 
     /// Mean square of what is missing in a view of so many pixels, if so many pages have room.
@@ -157,5 +161,49 @@ impl Engine {
             sum += votes * self.renderer.rounding_mse(btf, vote.tile) * scale * scale;
         }
         if pixels > 0.0 { sum / pixels } else { 0.0 }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A material of 16 full pages of the finest mip that are worth this each.
+    fn worths(worth: impl Fn(u32) -> f32) -> Worths {
+        let mut worths = Worths {
+            materials: 1.0,
+            texels: 16.0 * 4096.0,
+            ..Default::default()
+        };
+        (0..16).for_each(|page| worths.count(worth(page)));
+        worths
+    }
+
+    #[test]
+    fn what_is_missing_is_the_least_valuable_part() {
+        let falling = worths(|page| 0.5f32.powi(page as i32));
+        let all = 16.0 * 4096.0;
+        for slots in [0, 1, 5, 16, 20] {
+            let expected: f64 = (slots..16).map(|page| 0.5f64.powi(page as i32)).sum();
+            let found = falling.missing(slots, all);
+            assert!((found - expected).abs() < 1e-12, "{slots}: {found} {expected}");
+        }
+        // A view of an eighth of all texels, of which it sees twice as many, wants a quarter of the pages.
+        assert!((falling.missing(2, all / 8.0) - falling.missing(8, all)).abs() < 1e-12);
+        assert_eq!(Worths::default().missing(1, all), 0.0);
+    }
+
+    #[test]
+    fn bytes_are_chosen_for_what_they_make_room_for() {
+        let (all, even) = (16.0 * 4096.0, worths(|_| 1.0));
+        assert_eq!(even.choose(8, 16, all), PageFormat::Byte);
+        assert_eq!(even.choose(16, 32, all), PageFormat::Half);
+        // A first page that is worth ten thousand times as much: rounding it costs more than the others bring.
+        let strong = worths(|page| if page == 0 { 1e6 } else { 1.0 });
+        assert_eq!(strong.choose(8, 16, all), PageFormat::Half);
+        // Odd weights count for nothing.
+        let odd = worths(|page| [f32::NAN, f32::INFINITY, -1.0, 0.0][page as usize % 4]);
+        assert_eq!((odd.missing(0, all), odd.rounding()), (0.0, 0.0));
+        assert_eq!(odd.choose(1, 2, all), PageFormat::Half);
     }
 }
