@@ -209,12 +209,15 @@ fn held(floats: &[f32], size: UVec2) -> Held {
     for (y, row) in (0..).zip(floats.chunks_exact(SLOT_TEXELS as usize * 4)) {
         let inside = (BORDER_TEXELS..BORDER_TEXELS + size.y).contains(&y);
         let texels = |from: u32, to: u32| largest(&row[from as usize * 4..to as usize * 4]);
-        let (first, end) = (BORDER_TEXELS, BORDER_TEXELS + size.x);
-        held.scale = larger(held.scale, texels(0, SLOT_TEXELS));
         if !inside {
+            held.scale = larger(held.scale, texels(0, SLOT_TEXELS));
             continue;
         }
+        let (first, end) = (BORDER_TEXELS, BORDER_TEXELS + size.x);
         let payload = texels(first, end);
+        for border in [texels(0, first), texels(end, SLOT_TEXELS), payload] {
+            held.scale = larger(held.scale, border);
+        }
         held.largest = larger(held.largest, payload);
         let columns = [(first, end.min(2 * BORDER_TEXELS)), (first.max(size.x), end)];
         for (edge, (from, to)) in held.edges.iter_mut().zip(columns) {
@@ -250,4 +253,44 @@ fn larger(a: Scale, b: Scale) -> Scale {
 fn ratio(from: Scale, to: Scale) -> Vec4 {
     let ratio = |c: usize| if to[c] > 0.0 { from[c] / to[c] } else { 0.0 };
     Vec4::new(ratio(0), ratio(1), ratio(2), ratio(3))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn edges_are_the_payload_within_a_border_of_its_sides() {
+        let value = |x: u32, y: u32, c: u32| ((x * 131 + y * 71 + c * 29) % 97) as f32 - 48.0;
+        let floats: Vec<f32> = (0..SLOT_AREA as u32 * 4)
+            .map(|at| value(at / 4 % SLOT_TEXELS, at / 4 / SLOT_TEXELS, at % 4))
+            .collect();
+        for size in [(64, 64), (1, 64), (6, 3), (64, 4)].map(UVec2::from) {
+            let held = held(&floats, size);
+            let most = |inside: &dyn Fn(u32, u32) -> bool| -> Scale {
+                let places = (0..size.y).flat_map(|y| (0..size.x).map(move |x| (x, y)));
+                places
+                    .filter(|&(x, y)| inside(x, y))
+                    .fold([0.0; 4], |most, (x, y)| {
+                        std::array::from_fn(|c| most[c].max(value(x + 4, y + 4, c as u32).abs()))
+                    })
+            };
+            assert_eq!(held.largest, most(&|_, _| true));
+            assert_eq!(held.edges[0], most(&|x, _| x < 4), "{size}");
+            assert_eq!(held.edges[1], most(&|x, _| x + 4 >= size.x), "{size}");
+            assert_eq!(held.edges[2], most(&|_, y| y < 4), "{size}");
+            assert_eq!(held.edges[3], most(&|_, y| y + 4 >= size.y), "{size}");
+            // Of the whole slot.
+            assert_eq!(held.scale, [48.0; 4]);
+        }
+        let odd = held(
+            &[f32::NAN, f32::INFINITY, 6e-8, 0.0].repeat(SLOT_AREA),
+            UVec2::splat(64),
+        );
+        assert_eq!(odd.scale, [0.0, HALF_MAX, 6e-8, 0.0]);
+        assert_eq!(
+            ratio([1.0, 2.0, 0.0, 0.0], [2.0, 1.0, 1.0, 0.0]),
+            Vec4::new(0.5, 2.0, 0.0, 0.0)
+        );
+    }
 }
