@@ -12,7 +12,7 @@ use crate::{
 };
 
 /// Largest over root mean square magnitude of a component in a slot, typically; measured, see docs/results.md.
-const CREST: f64 = 3.0;
+const CREST: f64 = 3.8;
 /// Texels that a view wants of the finest mips, for each of its pixels.
 const TEXELS_SEEN: f64 = 2.0;
 /// Bits of a float's exponent and the first three of its mantissa.
