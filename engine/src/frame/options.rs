@@ -37,7 +37,8 @@ pub struct Budgets {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Decode {
     /// On the GPU, which spares host memory, decoding ancestors again, and a third of the bytes to upload; on the workers
-    /// where the GPU is a program on the same processor, which takes ten times as long. See docs/results.md.
+    /// where the GPU is a program on the same processor, which takes ten times as long, and where the page cache holds bytes
+    /// ([`PageFormat::Byte`]). See docs/results.md.
     #[default]
     Auto,
     /// On the workers, to texels.
