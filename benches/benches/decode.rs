@@ -75,6 +75,7 @@ fn benchmark(criterion: &mut Criterion) {
     let pages = u64::from(pyramid.tile_count()) * u64::from(known.groups());
     let caches = Caches {
         angular: Default::default(),
+        page_format: Default::default(),
         page_bytes: pages * SLOT_BYTES,
         column_bytes: 64 << 20,
     };

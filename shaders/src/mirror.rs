@@ -60,8 +60,8 @@ mirror! {
         pub pixel_scale: f32,
         /// 1 if shading is to count what it fetches.
         pub count_work: u32,
-        /// Not used.
-        pub pad_x: u32,
+        /// 1 if pages are bytes, to be multiplied by the scales of their slots.
+        pub scaled: u32,
         /// Not used.
         pub pad: UVec2,
     }
@@ -210,6 +210,8 @@ mirror! {
         pub staging: u32,
         /// Not used.
         pub pad: u32,
+        /// By component, the scale of the source's slot over that of the destination's; 1 where slots have none.
+        pub ratio: Vec4,
     }
 }
 

@@ -40,6 +40,7 @@ macro_rules! embed {
 
 embed!(
     "btf",
+    "byte_slots",
     "classify",
     "columns",
     "compact",
@@ -51,6 +52,7 @@ embed!(
     "finite",
     "frame",
     "geometry",
+    "half_slots",
     "hemisphere",
     "light",
     "material",
@@ -65,7 +67,10 @@ embed!(
 
 /// Imports that stand for one of several files, which define the same functions in different ways. The first is meant
 /// where none is chosen.
-pub const CHOICES: &[(&str, &[&str])] = &[("angular", &["delaunay", "hemisphere"])];
+pub const CHOICES: &[(&str, &[&str])] = &[
+    ("angular", &["delaunay", "hemisphere"]),
+    ("slots", &["half_slots", "byte_slots"]),
+];
 
 /// The source of a shader file with all that it imports, each file once and before its first importer.
 ///

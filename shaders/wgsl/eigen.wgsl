@@ -14,11 +14,6 @@ struct Eigen {
     shown: f32,
 }
 
-fn slot_weight(entry: u32) -> f32 {
-    let place = ((entry >> 16u) & 0x7ffu) * frame.layer_slots + ((entry >> 8u) & 0xffu) * frame.slot_columns + (entry & 0xffu);
-    return textureLoad(slot_weights, vec2(place & 0xffu, place >> 8u), 0).x;
-}
-
 // One mip from the page of an entry, which is that mip's or a coarser one's.
 fn eigen_mip(material: u32, group: u32, footprint: Footprint, entry: u32, mip: u32) -> Eigen {
     if frame.fading == 0u {
@@ -29,7 +24,7 @@ fn eigen_mip(material: u32, group: u32, footprint: Footprint, entry: u32, mip: u
     var page = entry;
     while page != NONE && left > 0.0 {
         let page_mip = page >> 27u;
-        let weight = slot_weight(page);
+        let weight = textureLoad(slot_weights, slot_place(page), 0).x;
         sum += left * weight * page_texel(material, footprint, page, max(mip, page_mip));
         left *= 1.0 - weight;
         if page_mip >= materials[material].tail_mip {

@@ -31,7 +31,8 @@ struct Frame {
     pixel_scale: f32,
     // 1 if shading is to count what it fetches.
     count_work: u32,
-    pad_x: u32,
+    // 1 if pages are bytes, to be multiplied by the scales of their slots.
+    scaled: u32,
     pad: vec2<u32>,
 }
 

@@ -14,6 +14,8 @@
 @group(1) @binding(0) var<storage, read> page_table: array<u32>;
 @group(1) @binding(2) var pages: texture_2d_array<f32>;
 @group(1) @binding(3) var page_sampler: sampler;
+// By slot, 256 in a row: by what each component's texels are multiplied where the cache holds bytes.
+@group(1) @binding(5) var slot_scales: texture_2d<f32>;
 
 const SLOT_TEXELS: f32 = 72.0;
 const PAGE_TEXELS: f32 = 64.0;
@@ -63,11 +65,21 @@ fn page_row(material: u32, footprint: Footprint, mip: u32) -> u32 {
     return materials[material].page_table + (1u + tile) * (materials[material].groups + 1u);
 }
 
+// Where a page's slot stands in a texture of slots, 256 in a row.
+fn slot_place(entry: u32) -> vec2<u32> {
+    let place = ((entry >> 16u) & 0x7ffu) * frame.layer_slots + ((entry >> 8u) & 0xffu) * frame.slot_columns + (entry & 0xffu);
+    return vec2(place & 0xffu, place >> 8u);
+}
+
 // One page's texel, bilinear, at a mip that the page holds.
 fn page_texel(material: u32, footprint: Footprint, entry: u32, mip: u32) -> vec4<f32> {
     let tile = select((footprint.tile >> vec2(mip - footprint.mip)), vec2(0u), mip >= materials[material].tail_mip);
     let inside = footprint.st * materials[material].mips[mip].size - vec2<f32>(tile) * PAGE_TEXELS;
     let slot = vec2<f32>(vec2(entry & 0xffu, (entry >> 8u) & 0xffu)) * SLOT_TEXELS;
     let texel = slot + materials[material].mips[mip].origin + inside;
-    return textureSampleLevel(pages, page_sampler, texel * frame.page_scale, (entry >> 16u) & 0x7ffu, 0.0);
+    let stored = textureSampleLevel(pages, page_sampler, texel * frame.page_scale, (entry >> 16u) & 0x7ffu, 0.0);
+    if frame.scaled == 0u {
+        return stored;
+    }
+    return stored * textureLoad(slot_scales, slot_place(entry), 0);
 }

@@ -1,7 +1,10 @@
 // Borders of cached pages from the payloads of their neighbours, in two passes: no pass may read and write one
 // texture, so what is gathered waits in a buffer. Gathering reads payloads only and scattering writes borders only.
 //
-// One workgroup a strip.
+// One workgroup a strip. Where slots have scales, texels change over to that of the destination; a strip that is a whole
+// slot and its own source gives the slot another scale.
+
+#import slots
 
 struct Strip {
     // First texel of the payload that is read, and of the border that is written, in their layers.
@@ -15,6 +18,8 @@ struct Strip {
     // First texel in the staging buffer.
     staging: u32,
     pad: u32,
+    // The scale of the source's slot over that of the destination's; 1 where slots have none.
+    ratio: vec4<f32>,
 }
 
 const WORKGROUP: u32 = 64u;
@@ -23,14 +28,14 @@ const WORKGROUP: u32 = 64u;
 // As floats, in which half floats are exact.
 @group(0) @binding(1) var<storage, read_write> staging: array<vec4<f32>>;
 @group(0) @binding(2) var payloads: texture_2d_array<f32>;
-@group(0) @binding(2) var borders: texture_storage_2d_array<rgba16float, write>;
 
 @compute @workgroup_size(WORKGROUP)
 fn stitch_gather(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) first: u32) {
     let strip = strips[group.x];
     for (var i = first; i < strip.size.x * strip.size.y; i += WORKGROUP) {
         let at = vec2(i % strip.size.x, i / strip.size.x);
-        staging[strip.staging + i] = textureLoad(payloads, strip.source + at * strip.step, strip.source_layer, 0);
+        let texel = textureLoad(payloads, strip.source + at * strip.step, strip.source_layer, 0);
+        staging[strip.staging + i] = texel * strip.ratio;
     }
 }
 
@@ -39,6 +44,7 @@ fn stitch_scatter(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invoca
     let strip = strips[group.x];
     for (var i = first; i < strip.size.x * strip.size.y; i += WORKGROUP) {
         let at = vec2(i % strip.size.x, i / strip.size.x);
-        textureStore(borders, strip.destination + at, strip.destination_layer, staging[strip.staging + i]);
+        let texel = storable(staging[strip.staging + i]);
+        textureStore(borders, strip.destination + at, strip.destination_layer, texel);
     }
 }

@@ -184,6 +184,8 @@ fn small_caches_keep_their_budget_and_show_every_material() {
     for (pages, columns) in [(2, 2), (6, 4), (24, 8)] {
         let options = Options {
             page_cache_bytes: pages * 72 * 72 * 8,
+            // That is what they are counted in.
+            page_format: Some(engine::gpu::PageFormat::Half),
             column_cache_bytes: columns * (25 * 25 * 3 + 25 * 3) * 8 * 2,
             ..Options::default()
         };

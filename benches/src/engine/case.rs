@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use engine::frame::{Engine, Options};
 use engine::gpu::page_cache::SLOT_BYTES;
-use engine::gpu::{Context, ShadingWork};
+use engine::gpu::{Context, PageFormat, ShadingWork};
 use scenes::Camera;
 use serde::Serialize;
 
@@ -41,6 +41,8 @@ impl Plan {
             size: self.size,
             page_cache_bytes: self.page_cache_bytes,
             column_cache_bytes: self.column_cache_bytes,
+            // Budgets are slots of half floats, and all that is wanted has room.
+            page_format: Some(PageFormat::Half),
             wait: false,
             ..Options::default()
         }

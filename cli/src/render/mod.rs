@@ -1,5 +1,6 @@
 //! `eigentile render`: pictures of a scene whose materials are streamed.
 
+mod choices;
 mod ledger;
 pub(crate) mod picture;
 pub(crate) mod reference;
@@ -9,8 +10,9 @@ use std::time::Duration;
 
 use anyhow::{Context as _, Result, bail, ensure};
 use clap::Args;
+use engine::angular::Angular;
 use engine::frame::{Counters, Engine, FrameStats, Options};
-use engine::gpu::Context;
+use engine::gpu::{Context, PageFormat};
 use engine::stream;
 use scenes::{Camera, CameraPath, Scene};
 use serde::Serialize;
@@ -41,6 +43,8 @@ pub(crate) struct Arguments {
     /// Memory on the GPU for pages and columns, MiB.
     #[arg(long, value_name = "N", default_value_t = 384)]
     cache_mib: u64,
+    #[command(flatten)]
+    choices: choices::Choices,
     /// Brightens (or darkens) the pictures by so many stops.
     #[arg(long, default_value_t = 0.0, allow_negative_numbers = true)]
     exposure: f32,
@@ -63,6 +67,7 @@ Examples:
   eigentile render scene.gltf --tiles tiles -o pictures
   eigentile render scene.gltf --tiles http://127.0.0.1:8080 --camera flight.json --frames 120 -o pictures
   eigentile render scene.gltf --tiles tiles --cache-mib 16 -o pictures --reference npy --stats stats.json
+  eigentile render scene.gltf --tiles tiles --cache-mib 4 --page-format byte --angular hemisphere -o pictures
 
 Leaves frame_0000.png and so on as they were while materials arrived, and settled.png and settled.exr (linear
 radiance) of the last view with all that the cache can hold; with --reference also reference.png and error.png.";
@@ -87,6 +92,10 @@ struct Statistics {
     width: u32,
     height: u32,
     cache_bytes: u64,
+    /// What texels of the page cache were in the end, and how many slots there were.
+    page_format: PageFormat,
+    page_slots: u32,
+    angular: Angular,
     frames: Vec<FrameStats>,
     /// Frames until the last view had settled.
     settling: Vec<FrameStats>,
@@ -114,7 +123,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         .context("--cache-mib is too large")?;
     let options = Options {
         exposure_stops: arguments.exposure,
-        ..budgeted(arguments.size, cache_bytes)
+        ..arguments.choices.apply(budgeted(arguments.size, cache_bytes))
     };
     file::make_folder(&arguments.output)?;
     let context = Context::headless()?;
@@ -168,6 +177,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         width: arguments.size.0,
         height: arguments.size.1,
         cache_bytes,
+        page_format: engine.page_format(),
+        page_slots: engine.page_slots(),
+        angular: engine.angular(),
         frames,
         settling,
         counters: engine.counters(),
@@ -287,6 +299,12 @@ impl Statistics {
                 bytes::text(last.gpu_bytes),
                 last.predicted_rms,
             );
+            if last.format_rms > 0.0 {
+                text += &format!(
+                    "pages are bytes in {} slots: {:.5} of the predicted error\n",
+                    self.page_slots, last.format_rms
+                );
+            }
         }
         for problem in &self.problems {
             text += &format!("problem: {problem}\n");

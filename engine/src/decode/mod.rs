@@ -67,6 +67,11 @@ impl Pending {
         }
     }
 
+    /// Changes where it is decoded; see [`Pending::new`].
+    pub fn set_on_gpu(&mut self, on_gpu: bool) {
+        self.on_gpu = on_gpu;
+    }
+
     /// Bytes held outside the store.
     pub fn bytes(&self) -> u64 {
         let above: usize = self.above.iter().map(|(_, record)| record.len()).sum();

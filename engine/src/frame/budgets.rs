@@ -21,7 +21,8 @@ impl Engine {
     }
 
     /// Changes the budgets, at once. What stays in the caches on the GPU is copied there; what has no room any more goes,
-    /// the least worth first. While that lasts old and new caches are both in memory. What is asked for or being decoded
+    /// the least worth first. Where the format of the page cache is left to the ledgers and
+    /// becomes another, all pages go, and come back. While that lasts old and new caches are both in memory. What is asked for or being decoded
     /// stays so.
     ///
     /// # Errors
@@ -30,9 +31,16 @@ impl Engine {
     pub fn set_budgets(&mut self, budgets: Budgets) -> Result<()> {
         let options = self.options.clone().with_budgets(budgets);
         options.check()?;
-        self.renderer.layout(options.caches(), self.column_quads())?;
+        let quads = self.column_quads();
+        let page_format = self.choose_format(options.page_cache_bytes, quads)?;
+        let caches = Caches {
+            page_format,
+            ..options.caches()
+        };
+        self.renderer.layout(caches, quads)?;
         self.options = options;
         self.records.set_budgets(budgets);
+        self.set_format(page_format)?;
         self.resize_caches()
     }
 
@@ -49,15 +57,11 @@ impl Engine {
         let quads = self.btfs.iter().map(|btf| btf.column_quads_as(angular));
         let caches = Caches {
             angular,
-            ..self.options.caches()
+            ..self.caches()
         };
         self.renderer.layout(caches, quads.max().unwrap_or(0))?;
         // Columns with the decoder still come in the old form.
-        while self.records.decoding() {
-            self.records.wait(Duration::from_millis(10));
-            let decoded = self.take_decoded();
-            self.place(decoded)?;
-        }
+        self.finish_decoding()?;
         self.options.angular = angular;
         for btf in &mut self.btfs {
             Arc::make_mut(btf).angular = angular;
@@ -68,9 +72,27 @@ impl Engine {
         self.resize_caches()
     }
 
+    /// Waits for what is being decoded, and places it.
+    pub(super) fn finish_decoding(&mut self) -> Result<()> {
+        while self.records.decoding() {
+            self.records.wait(Duration::from_millis(10));
+            let decoded = self.take_decoded();
+            self.place(decoded)?;
+        }
+        Ok(())
+    }
+
+    /// Budgets and forms of the caches as they are.
+    pub(super) fn caches(&self) -> Caches {
+        Caches {
+            page_format: self.format,
+            ..self.options.caches()
+        }
+    }
+
     /// Makes the caches what budgets and known materials ask for.
     pub(super) fn resize_caches(&mut self) -> Result<()> {
-        let layout = self.renderer.layout(self.options.caches(), self.column_quads())?;
+        let layout = self.renderer.layout(self.caches(), self.column_quads())?;
         let (page_slots, column_slots) = layout.slots();
         let (pages, columns) = self.set_slots(page_slots, column_slots);
         self.renderer.resize_caches(layout, &pages, &columns)
@@ -78,7 +100,7 @@ impl Engine {
 
     /// Gives residency so many slots, and takes what loses its own out of the page table. Returns from where to where pages
     /// and columns that stay are to be moved.
-    fn set_slots(&mut self, page_slots: u32, column_slots: u32) -> (Moves, Moves) {
+    pub(super) fn set_slots(&mut self, page_slots: u32, column_slots: u32) -> (Moves, Moves) {
         let before = self.residency.resident();
         let resized = self.residency.set_limits(Limits {
             page_slots,
@@ -103,7 +125,7 @@ impl Engine {
     }
 
     /// Size of the largest column in the cache.
-    fn column_quads(&self) -> u64 {
+    pub(super) fn column_quads(&self) -> u64 {
         self.btfs
             .iter()
             .map(|btf| Btf::column_quads(btf))

@@ -9,6 +9,7 @@ use super::{
     archives::Archives,
     events::{Event, Events},
     options::Options,
+    page_format::Worths,
     problems::Problems,
     records::Records,
     stats::{Counters, FrameStats, Milliseconds, Stopwatch},
@@ -17,7 +18,7 @@ use super::{
 };
 use crate::{
     Error, Result,
-    gpu::{Context, GpuMilliseconds, Renderer, materials::Btf},
+    gpu::{Context, GpuMilliseconds, PageFormat, Renderer, materials::Btf},
     residency::{Limits, Residency},
     stream::TileSource,
 };
@@ -31,6 +32,9 @@ pub struct Engine {
     /// The BTFs that are known, in the order in which they became so; residency and renderer count them alike.
     pub(super) btfs: Vec<Arc<Btf>>,
     pub(super) residency: Residency,
+    /// What the page cache holds, and what that is chosen by.
+    pub(super) format: PageFormat,
+    pub(super) worths: Worths,
     pub(super) window: Window,
     pub(super) ahead: Ahead,
     pub(super) records: Records,
@@ -62,7 +66,8 @@ impl Engine {
         options: Options,
     ) -> Result<Self> {
         options.check()?;
-        let on_gpu = options.decode_on.is_gpu(&context);
+        let format = options.page_format.unwrap_or_default();
+        let on_gpu = options.decodes_on_gpu(&context, format);
         let mut renderer = Renderer::new(context, scene, options.size)?;
         renderer.set_shading(options.shading());
         let (page_slots, column_slots) = renderer.layout(options.caches(), 0)?.slots();
@@ -76,6 +81,8 @@ impl Engine {
                 in_flight: 1,
                 bytes_in_flight: options.bytes_in_flight,
             }),
+            format,
+            worths: Worths::default(),
             window: Window::new(options.feedback_stride),
             ahead: Ahead::default(),
             records: Records::new(options.budgets(), workers(&options), on_gpu),
@@ -172,6 +179,7 @@ impl Engine {
         let drawn = (show || settled) && self.draw()?;
         ms.draw += watch.lap();
         ms.gpu = self.gpu;
+        let format_mse = self.format_mse();
         let (decided, known) = (self.archives.decided() as u32, self.btfs.len() as u32);
         let stats = FrameStats {
             frame: self.frames,
@@ -189,7 +197,8 @@ impl Engine {
             wire_bytes_total: self.wire_bytes,
             gpu_bytes: self.renderer.bytes(),
             host_bytes: self.records.bytes(),
-            predicted_rms: after.predicted_mse.abs().sqrt(),
+            predicted_rms: (after.predicted_mse.abs() + format_mse).sqrt(),
+            format_rms: format_mse.sqrt(),
             settled,
             drawn,
             ms,

@@ -3,7 +3,8 @@
 //! [`Engine::frame`] (`engine`) reads from top to bottom; its `phases` and what they call lie beside it: `archives`
 //! (indices of the scene's BTFs), `votes` (votes of several frames), `records` (requests and answers), `decoding`,
 //! `workers` (what must not hold up a frame), `problems` (what went wrong), `events` (what a program is told).
-//! `prefetch`, `ahead` and `motion`: views that are not shown yet. `budgets`: changes at run time. `outputs`: pictures
+//! `prefetch`, `ahead` and `motion`: views that are not shown yet. `budgets`: changes at run time.
+//! `page_format`: what the page cache holds. `outputs`: pictures
 //! and counters. `measured`: what measurements need.
 
 mod ahead;
@@ -16,6 +17,7 @@ mod measured;
 mod motion;
 mod options;
 mod outputs;
+mod page_format;
 mod phases;
 mod prefetch;
 mod problems;

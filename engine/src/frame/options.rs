@@ -3,7 +3,7 @@
 use crate::{
     Error, Result,
     angular::Angular,
-    gpu::{Caches, Context, Shading},
+    gpu::{Caches, Context, PageFormat, Shading},
 };
 
 /// Least bytes of host memory: what decodes a few pages at a time.
@@ -37,18 +37,19 @@ pub struct Budgets {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Decode {
     /// On the GPU, which spares host memory, decoding ancestors again, and a third of the bytes to upload; on the workers
-    /// where the GPU is a program on the same processor, which takes ten times as long. See docs/results.md.
+    /// where the GPU is a program on the same processor, which takes ten times as long, and where the page cache holds bytes
+    /// ([`PageFormat::Byte`]). See docs/results.md.
     #[default]
     Auto,
     /// On the workers, to texels.
     Cpu,
-    /// On the GPU, from coefficients and the parents in the page cache. Roots, and archives whose codec cannot be split,
+    /// On the GPU, from coefficients and the parents in the page cache, which must be of half floats. Roots, and archives whose codec cannot be split,
     /// are decoded on the workers all the same.
     Gpu,
 }
 
 impl Decode {
-    pub(super) fn is_gpu(self, context: &Context) -> bool {
+    fn is_gpu(self, context: &Context) -> bool {
         match self {
             Decode::Auto => !context.is_software(),
             Decode::Cpu => false,
@@ -93,6 +94,9 @@ pub struct Options {
     pub fade_frames: u32,
     /// Where pages are decoded.
     pub decode_on: Decode,
+    /// What texels of the page cache are; `None`: as the ledgers of the scene's materials advise, within the budget, so that
+    /// the predicted error is least. That is looked at again when materials become known and when budgets change.
+    pub page_format: Option<PageFormat>,
     /// Each frame waits for its own votes and for the picture, so that the same inputs give the same operations.
     /// Programs with a window turn it off: then nothing waits, and votes are used when they have come back. Browsers
     /// never wait.
@@ -118,6 +122,7 @@ impl Default for Options {
             angular: Angular::default(),
             fade_frames: Shading::default().fade_frames,
             decode_on: Decode::default(),
+            page_format: None,
             wait: true,
         }
     }
@@ -141,9 +146,15 @@ impl Options {
     pub(super) fn caches(&self) -> Caches {
         Caches {
             page_bytes: self.page_cache_bytes,
+            page_format: self.page_format.unwrap_or_default(),
             column_bytes: self.column_cache_bytes,
             angular: self.angular,
         }
+    }
+
+    /// Whether the GPU decodes pages of a cache of this format.
+    pub(super) fn decodes_on_gpu(&self, context: &Context, format: PageFormat) -> bool {
+        format == PageFormat::Half && self.decode_on.is_gpu(context)
     }
 
     /// Choices of shading.
@@ -179,6 +190,13 @@ impl Options {
 
     pub(super) fn check(&self) -> Result<()> {
         let wrong = |text: String| Err(Error::Budget(text));
+        if (self.decode_on, self.page_format) == (Decode::Gpu, Some(PageFormat::Byte)) {
+            return wrong(
+                "the GPU cannot decode pages for a cache of bytes, which does not hold their exact parents: \
+                 choose half floats, or to decode on the CPU"
+                    .into(),
+            );
+        }
         if self.host_bytes < MIN_HOST_BYTES {
             return wrong(format!(
                 "{} bytes of host memory: at least {MIN_HOST_BYTES} are needed",

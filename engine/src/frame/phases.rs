@@ -80,7 +80,7 @@ impl Engine {
         if read.is_empty() {
             return Ok(());
         }
-        let caches = self.options.caches();
+        let caches = self.caches();
         for (_, btf) in &mut read {
             btf.angular = self.options.angular;
         }
@@ -96,11 +96,14 @@ impl Engine {
             self.archives.set_known(archive, self.btfs.len());
             self.residency.add_material(material_info(&btf));
             self.window.add_material(btf.pyramid().tile_count());
+            self.worths.add(&btf);
             self.events.add(Event::MaterialKnown {
                 archive: btf.archive.clone(),
             });
             self.btfs.push(btf.into());
         }
+        let format = self.choose_format(self.options.page_cache_bytes, self.column_quads())?;
+        self.set_format(format)?;
         self.resize_caches()?;
         self.renderer.show_btfs(&self.archives.btf_of_material())?;
         // All pixels vote again: some see what had no votes before.

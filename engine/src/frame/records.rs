@@ -80,6 +80,14 @@ impl Records {
         self.store.set_budget(budgets.host_bytes);
     }
 
+    /// Lets the GPU decode pages from now on, or the host. Nothing may be with the decoder.
+    pub(super) fn set_on_gpu(&mut self, on_gpu: bool) {
+        self.on_gpu = on_gpu;
+        for waiting in &mut self.pending {
+            waiting.pending.set_on_gpu(on_gpu);
+        }
+    }
+
     /// Starts what a plan asks for and gives up what it cancels.
     pub(super) fn follow(
         &mut self,

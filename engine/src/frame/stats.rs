@@ -58,8 +58,10 @@ pub struct FrameStats {
     pub gpu_bytes: u64,
     /// Bytes of records and decoded pages on the host, waiting ones included.
     pub host_bytes: u64,
-    /// Root mean square reflectance error that is predicted against full residency.
+    /// Root mean square reflectance error that is predicted against full residency in half floats.
     pub predicted_rms: f64,
+    /// The part of it that the format of the page cache makes; 0 for half floats.
+    pub format_rms: f64,
     /// All archives are known or given up, every pixel has voted, nothing is in flight and nothing would lower the error.
     pub settled: bool,
     /// The picture was drawn; otherwise nothing had changed and the last one stands.

@@ -3,7 +3,8 @@
 //! Workers do what is serial, entropy decoding ([`Coefficients`]); here each block of 16×16 texels is a workgroup.
 //! A coarser page may be new as well and must be there first: one round a mip, from coarse to fine, of three dispatches,
 //! for no pass may read and write one texture: blocks and borders into a buffer, the buffer into the cache. Borders are
-//! what the decoder of tileset makes them, until [`super::stitch`] knows better.
+//! what the decoder of tileset makes them, until [`super::stitch`] knows better. Only for caches of half floats: children are
+//! coded against their exact parents.
 
 use std::collections::HashSet;
 
@@ -20,8 +21,8 @@ use crate::{
         Context,
         bind::{self, Binding},
         page_cache::{self, PageCache},
+        page_format::PageFormat,
         page_table::PageTable,
-        targets::PAGES,
         timers::{Pass, Timers},
     },
 };
@@ -62,7 +63,7 @@ impl Decode {
             bind::layout(context, label, wgpu::ShaderStages::COMPUTE, &bindings)
         };
         let read_layout = layout("decode", Binding::Layers);
-        let write_layout = layout("decode store", Binding::Slots(PAGES));
+        let write_layout = layout("decode store", Binding::Slots(PageFormat::Half.texture()));
         let module = bind::module(context, "decode")?;
         let pipeline = |name, layout| bind::pipeline(context, &module, name, &[layout]);
         let buffer =

@@ -6,7 +6,8 @@
 //! page cache [`decode`], which makes pages of coefficients, and [`stitch`], which copies borders ([`borders`]). What they share lies in three bind groups: the scene (group 0: camera, [`geometry`],
 //! materials), the caches (group 1: [`page_table`], [`page_cache`], [`column_cache`], directions) and what a pass reads
 //! and writes (group 2). [`Renderer`] owns all of it: `look` has what draws ids and asks for votes, `outputs` what reads
-//! back. [`cutoff`] says which component groups matter, [`fade`] how new pages come in. Nothing here decides what is
+//! back. [`cutoff`] says which component groups matter, [`fade`] how new pages come in, [`page_format`] what a texel of the page
+//! cache is. Nothing here decides what is
 //! resident. Meshes and lights may hold anything: what then is drawn is written down in `finite.wgsl`.
 //!
 //! Stays within the default limits of WebGPU: 4 bind groups, 8 storage buffers in a stage, 128 MiB bindings. Only
@@ -27,11 +28,13 @@ mod look;
 pub mod materials;
 mod outputs;
 pub mod page_cache;
+pub mod page_format;
 pub mod page_table;
 mod readback;
 mod renderer;
 mod resources;
 pub mod shade;
+mod slot_scales;
 pub mod stitch;
 mod targets;
 mod timers;
@@ -41,6 +44,7 @@ pub mod visibility;
 
 pub use context::Context;
 pub use look::Ask;
+pub use page_format::PageFormat;
 pub use renderer::Renderer;
 pub use resources::{Caches, Layout, Shading};
 pub use shade::ShadingWork;

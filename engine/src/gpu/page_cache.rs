@@ -1,13 +1,13 @@
 //! The page cache: one texture array whose layers hold a grid of slots.
 
 use glam::{UVec2, Vec2};
-use half::f16;
-use tileset::{Page, SLOT_TEXELS};
+use tileset::SLOT_TEXELS;
 
+use super::page_format::PageFormat;
 use crate::{Error, Result, gpu::Context, residency::Slot};
 
-/// Bytes of a slot: 72² texels of four half floats.
-pub const SLOT_BYTES: u64 = SLOT_TEXELS as u64 * SLOT_TEXELS as u64 * 8;
+/// Bytes of a slot of half floats.
+pub const SLOT_BYTES: u64 = PageFormat::Half.slot_bytes();
 /// Most layers, rows and columns that an entry of the page table can name; see `pages.wgsl`.
 const MAX_LAYERS: u32 = 1 << 11;
 const MAX_GRID: u32 = 1 << 8;
@@ -73,6 +73,12 @@ impl Grid {
         Slot((layer * self.rows + row) * self.columns + column)
     }
 
+    /// The slot in which a texel of a layer lies.
+    pub fn slot_of(self, texel: UVec2, layer: u32) -> Slot {
+        let place = texel / SLOT_TEXELS;
+        Slot((layer * self.rows + place.y) * self.columns + place.x)
+    }
+
     /// Slots from here on that lie beside each other, up to the end of the row.
     fn rest_of_row(self, slot: Slot) -> u32 {
         self.columns - slot.0 % self.columns
@@ -94,6 +100,7 @@ pub fn origin(address: u32) -> (UVec2, u32) {
 /// The texture.
 pub(super) struct PageCache {
     pub(super) grid: Grid,
+    pub(super) format: PageFormat,
     texture: wgpu::Texture,
     pub(super) view: wgpu::TextureView,
     pub(super) sampler: wgpu::Sampler,
@@ -104,9 +111,10 @@ impl PageCache {
     ///
     /// # Errors
     /// [`Error::Budget`] if that is none.
-    pub(super) fn grid(context: &Context, budget_bytes: u64) -> Result<Grid> {
+    pub(super) fn grid(context: &Context, format: PageFormat, budget_bytes: u64) -> Result<Grid> {
         let limits = context.device.limits();
-        let slots = budget_bytes / SLOT_BYTES;
+        let slot_bytes = format.slot_bytes();
+        let slots = budget_bytes / slot_bytes;
         Grid::new(
             slots,
             limits.max_texture_dimension_2d,
@@ -114,16 +122,16 @@ impl PageCache {
         )
         .ok_or_else(|| {
             Error::Budget(format!(
-                "a page cache of {budget_bytes} bytes has no room for one page of {SLOT_BYTES} bytes"
+                "a page cache of {budget_bytes} bytes has no room for one page of {slot_bytes} bytes"
             ))
         })
     }
 
-    pub(super) fn new(context: &Context, grid: Grid) -> Self {
+    pub(super) fn new(context: &Context, grid: Grid, format: PageFormat) -> Self {
         let texture = super::targets::layers(
             context,
             "page cache",
-            super::targets::PAGES,
+            format.texture(),
             (grid.columns * SLOT_TEXELS, grid.rows * SLOT_TEXELS, grid.layers),
             // Borders are stitched; pages move to caches of other sizes; tests read slots back.
             wgpu::TextureUsages::STORAGE_BINDING | wgpu::TextureUsages::COPY_SRC,
@@ -137,13 +145,14 @@ impl PageCache {
         });
         Self {
             grid,
+            format,
             texture,
             view,
             sampler,
         }
     }
 
-    /// Copies slots of another cache, each from where to where, on the GPU. Slots that stay side by side are copied
+    /// Copies slots of another cache of the same format, each from where to where, on the GPU. Slots that stay side by side are copied
     /// together.
     pub(super) fn copy_from(&self, encoder: &mut wgpu::CommandEncoder, from: &Self, moves: &[(Slot, Slot)]) {
         for (first, count) in runs(from.grid, self.grid, moves) {
@@ -157,28 +166,28 @@ impl PageCache {
         }
     }
 
-    pub(super) fn write(&self, context: &Context, slot: Slot, page: &Page) {
+    /// Writes the texels of a slot, as bytes of the format.
+    pub(super) fn write(&self, context: &Context, slot: Slot, texels: &[u8]) {
         super::targets::write(
             context,
             &self.texture,
             origin_3d(self.grid.address(slot)),
             (SLOT_TEXELS, SLOT_TEXELS),
-            bytemuck::cast_slice(&page.texels),
+            texels,
         );
     }
 
-    /// The texels of the slot at an address, `[y][x]`. Waits.
+    /// The texels of the slot at an address, `[y][x]`, as bytes of the format. Waits.
     ///
     /// # Errors
     /// [`Error::Adapter`] if the device fails.
-    pub(super) fn read(&self, context: &Context, address: u32) -> Result<Vec<[f16; 4]>> {
-        let bytes = super::readback::rectangle(
+    pub(super) fn read(&self, context: &Context, address: u32) -> Result<Vec<u8>> {
+        super::readback::rectangle(
             context,
             &self.texture,
             origin_3d(address),
             (SLOT_TEXELS, SLOT_TEXELS),
-        )?;
-        Ok(bytes.chunks_exact(8).map(bytemuck::pod_read_unaligned).collect())
+        )
     }
 
     /// One over width and height of a layer in texels.
@@ -187,7 +196,7 @@ impl PageCache {
     }
 
     pub(super) fn bytes(&self) -> u64 {
-        u64::from(self.grid.slots()) * SLOT_BYTES
+        u64::from(self.grid.slots()) * self.format.slot_bytes()
     }
 }
 

@@ -12,6 +12,7 @@ use tileset::{PageId, Pyramid, Tile};
 const CHUNK: usize = 256;
 /// Shift of the mip in an entry of a page; below it lies the slot's address.
 const MIP_SHIFT: u32 = 27;
+const ADDRESS: u32 = (1 << MIP_SHIFT) - 1;
 
 /// One BTF's part of the table.
 #[derive(Clone, Copy, Debug)]
@@ -70,7 +71,6 @@ impl PageTable {
 
     /// Gives the slots of all resident pages and columns new addresses.
     pub fn relocate(&mut self, page: impl Fn(u32) -> u32, column: impl Fn(u32) -> u32) {
-        const ADDRESS: u32 = (1 << MIP_SHIFT) - 1;
         for region in 0..self.regions.len() {
             let region = self.regions[region];
             let base = region.base as usize;
@@ -96,8 +96,20 @@ impl PageTable {
             return None;
         }
         let entry = self.entries[region.entry(page.group, page.tile)];
-        (entry != NONE && entry >> MIP_SHIFT == u32::from(page.tile.mip))
-            .then_some(entry & ((1 << MIP_SHIFT) - 1))
+        (entry != NONE && entry >> MIP_SHIFT == u32::from(page.tile.mip)).then_some(entry & ADDRESS)
+    }
+
+    /// Addresses of the pages that stand for a tile, by its index: one of each group that has a page there and a column.
+    pub fn shown(&self, btf: usize, tile: u32) -> impl Iterator<Item = u32> + '_ {
+        let region = self.regions[btf];
+        let row = |row: usize| {
+            let first = region.base as usize + row * region.row() + 1;
+            &self.entries[first..first + usize::from(region.groups)]
+        };
+        let pages = row(1 + tile as usize).iter().zip(row(0));
+        pages
+            .filter(|(page, column)| **page != NONE && **column != NONE)
+            .map(|(page, _)| page & ADDRESS)
     }
 
     /// Geometry of a BTF's pages.

@@ -10,10 +10,11 @@ use super::{
     decode::{self, Decode, Waiting},
     geometry::Geometry,
     materials::Btf,
+    page_format::{self, PageFormat},
     readback,
     resources::{Caches, Groups, Layout, Materials, Passes, Shading},
     shade::{Shade, ShadingWork},
-    stitch,
+    stitch::{self, Stitch},
     targets::{Targets, WORK_HEADER_BYTES},
     timers::{Pass, Timers},
     view,
@@ -123,7 +124,7 @@ impl Renderer {
     }
 
     /// Replaces the caches. Pages and columns that stay move from slot to slot on the GPU; all others must have been
-    /// removed, and all columns where those become something else. Old and new caches are both in memory until the copies
+    /// removed, and all pages or columns where those become something else. Old and new caches are both in memory until the copies
     /// are done.
     ///
     /// # Errors
@@ -141,6 +142,9 @@ impl Renderer {
             if layout.columns.angular != old.columns.angular {
                 let Passes { scene, caches, .. } = &self.passes;
                 self.passes.shade = Shade::new(&self.context, scene, caches, layout.columns.angular)?;
+            }
+            if layout.page_format != old.page_format {
+                self.passes.stitch = Stitch::new(&self.context, layout.page_format)?;
             }
             self.materials.resize(&self.context, layout, pages, columns);
             self.bind();
@@ -170,6 +174,7 @@ impl Renderer {
         self.classified = false;
         let Materials { pages, columns, .. } = &self.materials;
         self.frame.page_scale = pages.scale();
+        self.frame.scaled = (pages.format == PageFormat::Byte).into();
         self.frame.slot_columns = pages.grid.columns;
         self.frame.layer_slots = pages.grid.columns * pages.grid.rows;
         self.frame.column_shift = columns.rows.width_shift;
@@ -211,10 +216,20 @@ impl Renderer {
             pages,
             page_table,
             fade,
+            slot_scales,
             ..
         } = &mut self.materials;
-        pages.write(&self.context, slot, texels);
         page_table.insert(btf, page, pages.grid.address(slot));
+        match pages.format {
+            PageFormat::Half => pages.write(&self.context, slot, bytemuck::cast_slice(&texels.texels)),
+            PageFormat::Byte => {
+                let floats = page_format::floats(texels);
+                let size = page_table.pyramid(btf).payload(page.tile);
+                let strips = stitch::strips_into(page_table, btf, page);
+                let bytes = slot_scales.place(pages.grid, slot, &floats, size, &strips);
+                pages.write(&self.context, slot, bytemuck::cast_slice(&bytes));
+            }
+        }
         fade.start(slot);
         self.placed.push((btf, page));
     }
@@ -315,6 +330,9 @@ impl Renderer {
             page_table_buffer,
             fade,
             slot_weights,
+            slot_scales,
+            raised,
+            pages,
             ..
         } = &mut self.materials;
         if fade.step() {
@@ -329,7 +347,12 @@ impl Renderer {
                 bytemuck::cast_slice(entries),
             );
         });
-        stitch::strips(page_table, std::mem::take(&mut self.placed))
+        let mut strips = stitch::strips(page_table, std::mem::take(&mut self.placed));
+        if pages.format == PageFormat::Byte {
+            raised.extend(slot_scales.fit(pages.grid, &mut strips));
+            slot_scales.flush(&self.context);
+        }
+        strips
     }
 
     /// Decodes the pages that were placed as coefficients, and stitches the borders between the pages placed before the last
@@ -339,10 +362,10 @@ impl Renderer {
     /// [`MOST_OUT`]: super::borders::MOST_OUT
     pub fn stitch(&mut self, strips: &[mirror::Strip]) -> u64 {
         self.decode_waiting();
-        let timers = self.timers.as_mut();
-        self.passes
-            .stitch
-            .run(&self.context, &self.groups.stitch, strips, timers)
+        let raised = std::mem::take(&mut self.materials.raised);
+        let (stitch, groups) = (&self.passes.stitch, &self.groups.stitch);
+        stitch.run(&self.context, groups, &raised, None);
+        stitch.run(&self.context, groups, strips, self.timers.as_mut())
     }
 
     /// Shades and maps tones; `exposure` is a factor.

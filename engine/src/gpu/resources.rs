@@ -1,6 +1,7 @@
 //! What the renderer owns: passes, tables and caches, bind groups.
 
 use glam::Vec3;
+use shaders::mirror;
 
 use super::{
     bind::{self, Binding},
@@ -14,8 +15,10 @@ use super::{
     growing::{self, Growing},
     materials::{Btf, Tables},
     page_cache::{Grid, PageCache},
+    page_format::PageFormat,
     page_table::{PageTable, Region},
     shade::Shade,
+    slot_scales::SlotScales,
     stitch::{Stitch, StitchGroups},
     targets::Targets,
     tonemap::Tonemap,
@@ -31,6 +34,8 @@ const UNKNOWN: Vec3 = Vec3::splat(0.18);
 pub struct Caches {
     /// Bytes of the page cache.
     pub page_bytes: u64,
+    /// What its texels are.
+    pub page_format: PageFormat,
     /// Bytes of the column cache.
     pub column_bytes: u64,
     /// What columns are.
@@ -41,18 +46,20 @@ pub struct Caches {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Layout {
     pub(super) pages: Grid,
+    pub(super) page_format: PageFormat,
     pub(super) columns: Rows,
 }
 
 impl Layout {
     /// Room for one page, and for one column of next to nothing: all that a scene without known BTFs needs.
-    const fn nothing(angular: Angular) -> Self {
+    const fn nothing(angular: Angular, page_format: PageFormat) -> Self {
         Self {
             pages: Grid {
                 columns: 1,
                 rows: 1,
                 layers: 1,
             },
+            page_format,
             columns: Rows {
                 angular,
                 width_shift: 7,
@@ -68,14 +75,20 @@ impl Layout {
     /// # Errors
     /// [`crate::Error::Budget`] if that is not one page and one column.
     pub(super) fn new(context: &Context, caches: Caches, column_quads: u64) -> Result<Self> {
-        let pages = PageCache::grid(context, caches.page_bytes)?;
+        let pages = PageCache::grid(context, caches.page_format, caches.page_bytes)?;
         if column_quads == 0 {
-            return Ok(Self::nothing(caches.angular));
+            return Ok(Self::nothing(caches.angular, caches.page_format));
         }
         Ok(Self {
             pages,
+            page_format: caches.page_format,
             columns: ColumnCache::rows(context, caches.angular, column_quads, caches.column_bytes)?,
         })
+    }
+
+    /// What a texel of the page cache is.
+    pub fn page_format(&self) -> PageFormat {
+        self.page_format
     }
 
     /// Slots for pages and for columns.
@@ -128,6 +141,9 @@ pub(super) struct Materials {
     pub(super) shading: Shading,
     pub(super) fade: Fade,
     pub(super) slot_weights: SlotWeights,
+    pub(super) slot_scales: SlotScales,
+    /// Strips that give slots larger scales, to be run before any others.
+    pub(super) raised: Vec<mirror::Strip>,
 }
 
 /// The bind groups.
@@ -151,12 +167,13 @@ impl Passes {
         let storage = [Binding::Storage; 5];
         let scene = [&[Binding::Uniform], &storage[..]].concat();
         let scene = bind::layout(context, "scene", Stages::VERTEX | Stages::COMPUTE, &scene);
-        // Page table, directions, pages, weights of slots.
+        // Page table, directions, pages, weights and scales of slots.
         let caches = [
             Binding::Storage,
             Binding::Storage,
             Binding::Layers,
             Binding::Sampler,
+            Binding::Floats,
             Binding::Floats,
         ];
         let caches = bind::layout(context, "caches", Stages::COMPUTE, &caches);
@@ -166,7 +183,7 @@ impl Passes {
             classify: Classify::new(context, &scene)?,
             shade: Shade::new(context, &scene, &caches, Angular::default())?,
             tonemap: Tonemap::new(context, &scene, &caches)?,
-            stitch: Stitch::new(context)?,
+            stitch: Stitch::new(context, PageFormat::default())?,
             scene,
             caches,
         })
@@ -179,7 +196,7 @@ impl Materials {
         let tables = Tables::default();
         let unknown = tables.materials(scene_materials, &vec![None; scene_materials.len()], UNKNOWN);
         let shading = Shading::default();
-        let nothing = Layout::nothing(Angular::default());
+        let nothing = Layout::nothing(Angular::default(), PageFormat::default());
         let fade = Fade::new(shading.fade_frames, nothing.slots().0);
         Ok(Self {
             table: bind::storage(context, "materials", &unknown)?,
@@ -187,10 +204,12 @@ impl Materials {
             directions: Growing::new(context, "directions"),
             page_table: PageTable::default(),
             page_table_buffer: Growing::new(context, "page tables"),
-            pages: PageCache::new(context, nothing.pages),
+            pages: PageCache::new(context, nothing.pages, nothing.page_format),
             columns: ColumnCache::new(context, nothing.columns),
             shading,
             slot_weights: SlotWeights::new(context, &fade),
+            slot_scales: SlotScales::new(context, 0),
+            raised: Vec::new(),
             fade,
         })
     }
@@ -234,8 +253,8 @@ impl Materials {
     }
 
     /// Makes caches of another layout and moves there, on the GPU, what stays: pages and columns from slot to slot. The
-    /// page table must name only those. A cache whose layout stays is left alone; in it nothing moves. Where columns become
-    /// something else, none stay.
+    /// page table must name only those. A cache whose layout stays is left alone; in it nothing moves. Where pages or columns
+    /// become something else, none stay.
     pub(super) fn resize(
         &mut self,
         context: &Context,
@@ -245,10 +264,17 @@ impl Materials {
     ) {
         let old = self.layout();
         let mut encoder = context.device.create_command_encoder(&Default::default());
-        if layout.pages != old.pages {
-            let resized = PageCache::new(context, layout.pages);
-            resized.copy_from(&mut encoder, &self.pages, pages);
+        if (layout.pages, layout.page_format) != (old.pages, old.page_format) {
+            let resized = PageCache::new(context, layout.pages, layout.page_format);
+            if layout.page_format == old.page_format {
+                resized.copy_from(&mut encoder, &self.pages, pages);
+            }
             self.pages = resized;
+            let scaled = match layout.page_format {
+                PageFormat::Half => 0,
+                PageFormat::Byte => layout.pages.slots(),
+            };
+            self.slot_scales = self.slot_scales.moved(context, scaled, pages);
             self.fade = self.fade.moved(layout.slots().0, pages.iter().copied());
             self.slot_weights = SlotWeights::new(context, &self.fade);
         }
@@ -276,6 +302,7 @@ impl Materials {
     pub(super) fn layout(&self) -> Layout {
         Layout {
             pages: self.pages.grid,
+            page_format: self.pages.format,
             columns: self.columns.rows,
         }
     }
@@ -290,6 +317,7 @@ impl Materials {
             + self.pages.bytes()
             + self.columns.bytes()
             + self.slot_weights.bytes()
+            + self.slot_scales.bytes()
     }
 }
 
@@ -330,6 +358,7 @@ impl Groups {
             TextureView(&materials.pages.view),
             Sampler(&materials.pages.sampler),
             TextureView(&materials.slot_weights.view),
+            TextureView(&materials.slot_scales.view),
         ];
         Self {
             scene: scene(frame),

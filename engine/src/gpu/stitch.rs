@@ -6,8 +6,9 @@
 //!
 //! Two dispatches for hundreds of strips, not two copies a strip: graphics APIs put a barrier between any two copies
 //! into one texture. Payloads are only read and borders only written, so strips may be split over rounds in any way.
+//! Where slots have scales, texels change over from one to the other; [`super::slot_scales`] sees to it that they fit.
 
-use glam::UVec2;
+use glam::{UVec2, Vec4};
 use shaders::mirror;
 use tileset::PageId;
 
@@ -18,8 +19,8 @@ use crate::{
         bind::{self, Binding},
         borders::{self, Strip},
         page_cache::{self, PageCache},
+        page_format::PageFormat,
         page_table::PageTable,
-        targets::PAGES,
         timers::{Pass, Timers},
     },
 };
@@ -59,6 +60,16 @@ pub fn strips(table: &PageTable, mut placed: Vec<(usize, PageId)>) -> Vec<mirror
     strips
 }
 
+/// The strips that fill the border of a resident page, from all that are resident.
+pub(super) fn strips_into(table: &PageTable, btf: usize, page: PageId) -> Vec<mirror::Strip> {
+    let strips = borders::into(&table.pyramid(btf), page.tile).into_iter();
+    let packed = strips.filter_map(|strip| {
+        let address = |tile| table.page(btf, PageId { tile, ..page });
+        Some(pack(strip, address(strip.source)?, address(strip.destination)?))
+    });
+    packed.collect()
+}
+
 /// A strip between two slots, given by their addresses.
 fn pack(strip: Strip, source: u32, destination: u32) -> mirror::Strip {
     let (source, source_layer) = page_cache::origin(source);
@@ -70,6 +81,7 @@ fn pack(strip: Strip, source: u32, destination: u32) -> mirror::Strip {
         step: strip.step.into(),
         source_layer,
         destination_layer,
+        ratio: Vec4::ONE,
         ..Default::default()
     }
 }
@@ -91,14 +103,15 @@ pub(super) struct StitchGroups {
 }
 
 impl Stitch {
-    pub(super) fn new(context: &Context) -> Result<Self> {
+    /// For caches of this format.
+    pub(super) fn new(context: &Context, format: PageFormat) -> Result<Self> {
         let layout = |label, texture| {
             let bindings = [Binding::Storage, Binding::Counters, texture];
             bind::layout(context, label, wgpu::ShaderStages::COMPUTE, &bindings)
         };
         let gather_layout = layout("stitch gather", Binding::Layers);
-        let scatter_layout = layout("stitch scatter", Binding::Slots(PAGES));
-        let module = bind::module(context, "stitch")?;
+        let scatter_layout = layout("stitch scatter", Binding::Slots(format.texture()));
+        let module = bind::variant(context, "stitch", &[("slots", format.shader())])?;
         let buffer = |label, size, usage| {
             context.device.create_buffer(&wgpu::BufferDescriptor {
                 label: Some(label),

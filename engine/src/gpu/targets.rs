@@ -11,8 +11,6 @@ pub(super) const DEPTH: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
 /// Full floats: half floats would cost a relative error of 2^-11, about what the whole renderer is allowed.
 pub(super) const PICTURE: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Float;
 pub(super) const SCREEN: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
-/// Pages are filtered: four half floats a texel.
-pub(super) const PAGES: wgpu::TextureFormat = wgpu::TextureFormat::Rgba16Float;
 /// Columns are not: eight half floats a texel, as words.
 pub(super) const COLUMNS: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Uint;
 /// Unless they are maps of the light hemisphere: four half floats a texel.

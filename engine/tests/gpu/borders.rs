@@ -70,6 +70,7 @@ impl Model {
     fn new(btfs: Vec<Btf>, slots: u64) -> Self {
         let mut renderer = Renderer::new(Context::headless().unwrap(), &Scene::default(), (8, 8)).unwrap();
         let caches = Caches {
+            page_format: Default::default(),
             page_bytes: slots * SLOT_BYTES,
             column_bytes: 1 << 20,
             angular: Default::default(),

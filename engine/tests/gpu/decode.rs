@@ -89,6 +89,7 @@ impl<'a> Bench<'a> {
     fn resize(&mut self, slots: u64, moves: &[(Slot, Slot)]) {
         let caches = Caches {
             angular: Default::default(),
+            page_format: Default::default(),
             page_bytes: slots * SLOT_BYTES,
             column_bytes: 1 << 20,
         };

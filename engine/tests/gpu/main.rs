@@ -8,6 +8,7 @@ mod changes;
 mod decode;
 mod material;
 mod odd;
+mod page_formats;
 mod pictures;
 mod prefetch;
 mod scene;
@@ -20,7 +21,7 @@ use std::time::Duration;
 
 use engine::{
     frame::{Engine, FrameStats, Options},
-    gpu::Context,
+    gpu::{Context, PageFormat},
     metrics::Picture,
     reference::{FactorReflectance, Reflectance, shade},
 };
@@ -33,6 +34,8 @@ fn options(size: (u32, u32)) -> Options {
     Options {
         size,
         page_cache_bytes: 32 << 20,
+        // Budgets here are slots of half floats; `page_formats` has the others.
+        page_format: Some(PageFormat::Half),
         column_cache_bytes: 64 << 20,
         ..Default::default()
     }

@@ -37,6 +37,7 @@ fn empty(side: u32) -> Btf {
 fn renderer(scene: &Scene, btfs: &[Btf], btf_of: &[Option<usize>]) -> Renderer {
     let mut renderer = Renderer::new(Context::headless().unwrap(), scene, SIZE).unwrap();
     let caches = Caches {
+        page_format: Default::default(),
         page_bytes: 1 << 20,
         column_bytes: 1 << 20,
         angular: Default::default(),
