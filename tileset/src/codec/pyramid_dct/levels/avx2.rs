@@ -5,8 +5,8 @@ use std::arch::x86_64::*;
 
 use super::{ESCAPE, Reader};
 use crate::codec::pyramid_dct::context::{
-    CORNER_WEIGHTS, FIRST_SHIFTED, FIRST_SHIFTED_MODEL, FIRST_WHOLE, GRID_AREA, GRID_SIDE, SECOND_WEIGHTS,
-    SIDE_WEIGHTS, context,
+    CORNER_WEIGHTS, Expected, FIRST_SHIFTED, FIRST_SHIFTED_MODEL, FIRST_WHOLE, GRID_AREA, GRID_SIDE,
+    SECOND_WEIGHTS, SIDE_WEIGHTS, context,
 };
 use crate::codec::pyramid_dct::scan::Scan;
 use crate::codec::pyramid_dct::transform::Block;
@@ -49,11 +49,12 @@ impl Reader<'_> {
     pub(in crate::codec::pyramid_dct) fn read_avx2(
         &mut self,
         scan: &Scan,
+        end: usize,
         step: f32,
         block: &mut Block,
-    ) -> usize {
+        known: &mut Expected,
+    ) {
         let mut reader = *self;
-        let end = reader.end();
         let buckets: &[u64] = bytemuck::cast_slice(reader.buckets.as_flattened());
         let buckets: &[u64; 4096] = buckets.try_into().expect("64 times 64 buckets");
         let values: &[f32; 4096] = reader
@@ -61,14 +62,15 @@ impl Reader<'_> {
             .as_flattened()
             .try_into()
             .expect("64 times 64 values");
-        let mut expected = [_mm_setzero_si128(); GRID_AREA];
+        let expected: &mut [__m128i; GRID_AREA] = bytemuck::cast_mut(&mut known.0);
         let mut states: __m128i = bytemuck::cast(reader.decoder.states);
         let steps = _mm_set1_ps(step);
         let all = |value: i32| _mm_set1_epi32(value);
         for place in scan.places(end) {
             let grid = usize::from(place.grid);
             let mean = _mm_set1_epi32(reader.means[usize::from(place.like)]);
-            let bits = _mm_castps_si128(_mm_cvtepi32_ps(_mm_add_epi32(expected[grid], mean)));
+            let known = std::mem::replace(&mut expected[grid], _mm_setzero_si128());
+            let bits = _mm_castps_si128(_mm_cvtepi32_ps(_mm_add_epi32(known, mean)));
             let classes = _mm_sub_epi32(_mm_srli_epi32::<21>(bits), all(127 << 2));
             let shifted = _mm_cmpgt_epi32(classes, all(FIRST_SHIFTED - 1));
             let models = _mm_blendv_epi8(
@@ -149,8 +151,8 @@ impl Reader<'_> {
                 sums[2 * GRID_SIDE] = _mm_add_epi32(sums[2 * GRID_SIDE], second);
             }
         }
+        known.forget(scan, end);
         reader.decoder.states = bytemuck::cast(states);
         *self = reader;
-        end
     }
 }

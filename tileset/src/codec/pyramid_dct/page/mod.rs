@@ -12,7 +12,7 @@ use crate::{Error, PAGE_TEXELS, Pyramid, Result, Tile};
 
 pub use coefficients::Coefficients;
 pub(in crate::codec) use coefficients::coefficients;
-pub(in crate::codec) use decode::decode;
+pub(in crate::codec) use decode::decode_into;
 pub use encode::{CodedPage, code_group, count_group};
 
 /// The blocks of a page, row by row.

@@ -92,14 +92,21 @@ impl Coded {
     }
 
     pub(super) fn decode(&self, tile: Tile, bytes: &[u8], parent: Option<&Page>) -> Result<Page> {
-        decode(
+        // Whatever was there before.
+        let mut page = Page {
+            texels: vec![[f16::NAN; 4]; if tile.x % 2 == 0 { SLOT_AREA } else { 0 }],
+        };
+        let id = PageId { group: 0, tile };
+        decode_into(
             self.step,
             &self.pyramid,
-            PageId { group: 0, tile },
+            id,
             bytes,
             parent,
             &self.tables,
-        )
+            &mut page,
+        )?;
+        Ok(page)
     }
 
     pub(super) fn decode_all(&self) -> HashMap<Tile, Page> {
@@ -152,7 +159,8 @@ fn missing_models_are_an_error() {
         group: 0,
         tile: coded.pyramid.root(),
     };
-    assert!(decode(0.1, &coded.pyramid, root, &coded.pages[0].bytes, None, &untrained).is_err());
+    let (bytes, mut page) = (&coded.pages[0].bytes, Page { texels: Vec::new() });
+    assert!(decode_into(0.1, &coded.pyramid, root, bytes, None, &untrained, &mut page).is_err());
 }
 
 proptest! {

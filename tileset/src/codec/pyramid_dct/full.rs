@@ -1,0 +1,109 @@
+//! Full blocks: 16×16 texels over 8×8 of the parent, from slot to slot without a copy between.
+//!
+//! The same sums in the same order as [`super::transform`] has for blocks of any size; which coefficients are known to be
+//! zero decides which terms are left out. Two texels of four components are one [`Eight`]. A line of the first direction
+//! runs through sixteen of them, and what comes out is exchanged between neighbours so that lines of the other direction
+//! do: no transposition of its own.
+
+use half::f16;
+
+use super::dispatch::{Eight, Processor};
+use super::transform::{Block, SIDE};
+use crate::SLOT_TEXELS;
+use crate::codec::lines::{forward_8, inverse_16, inverse_16_of_8};
+use crate::codec::region::HALF_MAX;
+
+/// Side of what the parent has under a block.
+const LOW: usize = SIDE / 2;
+/// Pairs of texels across a block.
+const PAIRS: usize = SIDE / 2;
+const SLOT_ROW: usize = SLOT_TEXELS as usize;
+
+/// Of the parent's slot, from the first texel under a block to the last.
+pub(super) type Under = [[f16; 4]; (LOW - 1) * SLOT_ROW + LOW];
+/// Of a slot, from the first texel of a block to the last.
+pub(super) type Over = [[f16; 4]; (SIDE - 1) * SLOT_ROW + SIDE];
+
+/// The texels of a block from those of the parent and from its own coefficients, `[u][v]`: zero but on the first `end`
+/// diagonals, and zero, or of no account, where the parent's come.
+#[inline(always)]
+pub(super) fn texels<P: Processor>(processor: P, parent: &Under, own: &Block, end: usize, to: &mut Over) {
+    let zero = processor.eight([0.0; 8]);
+    let own: &[[f32; 4 * SIDE]; SIDE] = bytemuck::cast_ref(own);
+
+    // The parent along y: `[x][pair of v]`.
+    let mut low = [[zero; LOW / 2]; LOW];
+    for pair in 0..LOW / 2 {
+        let mut line = [zero; LOW];
+        for (y, value) in line.iter_mut().enumerate() {
+            let at = y * SLOT_ROW + 2 * pair;
+            let [a, b] = [parent[at], parent[at + 1]];
+            *value = processor.from_halves(bytemuck::cast([a, b]));
+        }
+        let line = forward_8(line);
+        for v in 0..LOW / 2 {
+            [low[2 * pair][v], low[2 * pair + 1][v]] = line[2 * v].exchange(line[2 * v + 1]);
+        }
+    }
+
+    // Along x, there and back: `[v][pair of x]`.
+    let mut lines = [[zero; PAIRS]; SIDE];
+    for pair in 0..PAIRS.min(end.div_ceil(2)).max(LOW / 2) {
+        let mut line = [zero; LOW];
+        if pair < LOW / 2 {
+            for (value, low) in line.iter_mut().zip(&low) {
+                *value = low[pair];
+            }
+            line = forward_8(line);
+            for value in &mut line {
+                // The square root of four texels for one.
+                *value = *value * 2.0;
+            }
+        } else {
+            for (u, value) in line.iter_mut().enumerate() {
+                *value = processor.eight(two(&own[u], pair));
+            }
+        }
+        // The first diagonal with a coefficient above, u = 8 and v = 2·pair, and one more.
+        let columns = if end > LOW + 2 * pair {
+            let mut all = [zero; SIDE];
+            all[..LOW].copy_from_slice(&line);
+            for (u, value) in all.iter_mut().enumerate().skip(LOW) {
+                *value = processor.eight(two(&own[u], pair));
+            }
+            inverse_16(all)
+        } else {
+            inverse_16_of_8(line)
+        };
+        for x in 0..PAIRS {
+            [lines[2 * pair][x], lines[2 * pair + 1][x]] = columns[2 * x].exchange(columns[2 * x + 1]);
+        }
+    }
+
+    // Along y.
+    for pair in 0..PAIRS {
+        let rows = if end > LOW {
+            let mut line = [zero; SIDE];
+            for (value, from) in line.iter_mut().zip(&lines) {
+                *value = from[pair];
+            }
+            inverse_16(line)
+        } else {
+            let mut line = [zero; LOW];
+            for (value, from) in line.iter_mut().zip(&lines) {
+                *value = from[pair];
+            }
+            inverse_16_of_8(line)
+        };
+        for (y, row) in rows.into_iter().enumerate() {
+            let at = y * SLOT_ROW + 2 * pair;
+            [to[at], to[at + 1]] = bytemuck::cast(row.within(HALF_MAX).halves());
+        }
+    }
+}
+
+/// Two neighbours in a row of coefficients.
+#[inline(always)]
+fn two(row: &[f32; 4 * SIDE], pair: usize) -> [f32; 8] {
+    row.as_chunks().0[pair]
+}
