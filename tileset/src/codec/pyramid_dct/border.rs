@@ -134,7 +134,7 @@ fn two_along_x<P: Processor>(processor: P, parent: &Page, left: u32, row: u32) -
 #[inline(always)]
 fn two_texels<P: Processor>(processor: P, page: &Page, at: usize) -> P::Eight {
     let texels: &[[f16; 4]; 2] = page.texels[at..].first_chunk().expect("pages are one slot");
-    processor.from_halves(bytemuck::cast(*texels))
+    processor.eight_halves(bytemuck::cast(*texels))
 }
 
 /// Repeats the edge where the picture ends.

@@ -30,7 +30,7 @@ pub(super) trait Processor: Copy {
     /// Takes floats as they are.
     fn eight(self, floats: [f32; 8]) -> Self::Eight;
     /// From half floats, which is exact.
-    fn from_halves(self, halves: [f16; 8]) -> Self::Eight;
+    fn eight_halves(self, halves: [f16; 8]) -> Self::Eight;
 }
 
 /// Two texels of four components each.
@@ -88,7 +88,7 @@ impl Processor for Any {
     }
 
     #[inline(always)]
-    fn from_halves(self, halves: [f16; 8]) -> Floats {
+    fn eight_halves(self, halves: [f16; 8]) -> Floats {
         let mut floats = [0.0; 8];
         halves.convert_to_f32_slice(&mut floats);
         Floats(floats)
@@ -214,7 +214,7 @@ mod avx2 {
         }
 
         #[inline(always)]
-        fn from_halves(self, halves: [f16; 8]) -> Vector {
+        fn eight_halves(self, halves: [f16; 8]) -> Vector {
             // SAFETY: `self` exists.
             Vector(unsafe { _mm256_cvtph_ps(bytemuck::cast(halves)) })
         }
@@ -308,7 +308,7 @@ mod tests {
             let mut all = Vec::new();
             for first in (0..=u16::MAX).step_by(8) {
                 let halves = std::array::from_fn(|i| f16::from_bits(first + i as u16));
-                let floats = processor.from_halves(halves).floats();
+                let floats = processor.eight_halves(halves).floats();
                 // Between two halves, too: a little less and more than the middle, and the middle itself.
                 for part in 0..2048 / 64 {
                     let off = |i: usize| (((part * 8 + i) % 63) as f32 - 31.0) / 65536.0;

@@ -38,7 +38,7 @@ pub(super) fn texels<P: Processor>(processor: P, parent: &Under, own: &Block, en
         for (y, value) in line.iter_mut().enumerate() {
             let at = y * SLOT_ROW + 2 * pair;
             let [a, b] = [parent[at], parent[at + 1]];
-            *value = processor.from_halves(bytemuck::cast([a, b]));
+            *value = processor.eight_halves(bytemuck::cast([a, b]));
         }
         let line = forward_8(line);
         for v in 0..LOW / 2 {

@@ -174,7 +174,7 @@ impl Values {
                 .zip(halves.as_chunks_mut::<8>().0);
             for ((floats, halves), back) in eights.zip(back.as_chunks_mut::<8>().0) {
                 *halves = processor.eight(*floats).halves();
-                *back = processor.from_halves(*halves).floats();
+                *back = processor.eight_halves(*halves).floats();
             }
             let all = floats.as_chunks::<4>().0.iter().zip(back.as_chunks::<4>().0);
             for (number, (value, back)) in (chunk * CHUNK + 1..).zip(all).take(places.len()) {

@@ -191,7 +191,7 @@ fn low_coefficients(
         for (to, from) in to.chunks_mut(2).zip(row.chunks(2)) {
             let mut halves = [[f16::ZERO; 4]; 2];
             halves[..from.len()].copy_from_slice(from);
-            let floats = processor.from_halves(bytemuck::cast(halves)).floats();
+            let floats = processor.eight_halves(bytemuck::cast(halves)).floats();
             to[..from.len()].copy_from_slice(&bytemuck::cast::<_, [Texel; 2]>(floats)[..from.len()]);
         }
     }

@@ -94,7 +94,7 @@ impl Coded {
     pub(super) fn decode(&self, tile: Tile, bytes: &[u8], parent: Option<&Page>) -> Result<Page> {
         // Whatever was there before.
         let mut page = Page {
-            texels: vec![[f16::NAN; 4]; if tile.x % 2 == 0 { SLOT_AREA } else { 0 }],
+            texels: vec![[f16::NAN; 4]; if tile.x.is_multiple_of(2) { SLOT_AREA } else { 0 }],
         };
         let id = PageId { group: 0, tile };
         decode_into(
