@@ -24,10 +24,26 @@ pub(super) type Under = [[f16; 4]; (LOW - 1) * SLOT_ROW + LOW];
 /// Of a slot, from the first texel of a block to the last.
 pub(super) type Over = [[f16; 4]; (SIDE - 1) * SLOT_ROW + SIDE];
 
+/// Room for a block between both directions, `[v][pair of x]`.
+pub(super) type Lines<P> = [[<P as Processor>::Eight; PAIRS]; SIDE];
+
+/// That room; what it holds does not matter.
+#[inline(always)]
+pub(super) fn lines<P: Processor>(processor: P) -> Lines<P> {
+    [[processor.eight([0.0; 8]); PAIRS]; SIDE]
+}
+
 /// The texels of a block from those of the parent and from its own coefficients, `[u][v]`: zero but on the first `end`
 /// diagonals, and zero, or of no account, where the parent's come.
 #[inline(always)]
-pub(super) fn texels<P: Processor>(processor: P, parent: &Under, own: &Block, end: usize, to: &mut Over) {
+pub(super) fn texels<P: Processor>(
+    processor: P,
+    parent: &Under,
+    own: &Block,
+    end: usize,
+    lines: &mut Lines<P>,
+    to: &mut Over,
+) {
     let zero = processor.eight([0.0; 8]);
     let own: &[[f32; 4 * SIDE]; SIDE] = bytemuck::cast_ref(own);
 
@@ -46,9 +62,9 @@ pub(super) fn texels<P: Processor>(processor: P, parent: &Under, own: &Block, en
         }
     }
 
-    // Along x, there and back: `[v][pair of x]`.
-    let mut lines = [[zero; PAIRS]; SIDE];
-    for pair in 0..PAIRS.min(end.div_ceil(2)).max(LOW / 2) {
+    // Along x, there and back.
+    let pairs = end.div_ceil(2).clamp(LOW / 2, PAIRS);
+    for pair in 0..pairs {
         let mut line = [zero; LOW];
         if pair < LOW / 2 {
             for (value, low) in line.iter_mut().zip(&low) {
@@ -81,16 +97,21 @@ pub(super) fn texels<P: Processor>(processor: P, parent: &Under, own: &Block, en
     }
 
     // Along y.
+    if end > LOW {
+        for line in &mut lines[2 * pairs..] {
+            *line = [zero; PAIRS];
+        }
+    }
     for pair in 0..PAIRS {
         let rows = if end > LOW {
             let mut line = [zero; SIDE];
-            for (value, from) in line.iter_mut().zip(&lines) {
+            for (value, from) in line.iter_mut().zip(lines.iter()) {
                 *value = from[pair];
             }
             inverse_16(line)
         } else {
             let mut line = [zero; LOW];
-            for (value, from) in line.iter_mut().zip(&lines) {
+            for (value, from) in line.iter_mut().zip(lines.iter()) {
                 *value = from[pair];
             }
             inverse_16_of_8(line)

@@ -84,6 +84,7 @@ impl dispatch::Work for Payload<'_> {
         let mut spare = None;
         let mut block: Block = [Texel::default(); AREA];
         let mut expected = Expected::new();
+        let mut lines = full::lines(processor);
         for corner in self.blocks.corners() {
             let place = self.blocks.place(corner);
             let scan = scan_of(&place, &mut spare);
@@ -96,7 +97,7 @@ impl dispatch::Work for Payload<'_> {
             }
             match (self.parent, over(self.slot, &place)) {
                 (Some((parent, origin)), Some(over)) if let Some(under) = under(parent, origin, &place) => {
-                    full::texels(processor, under, &block, end, over);
+                    full::texels(processor, under, &block, end, &mut lines, over);
                 }
                 (parent, _) => {
                     let mut block = block;

@@ -83,7 +83,7 @@ fn step_at(step: f32, mip: u8) -> f32 {
 /// # Errors
 /// [`Error::NotFound`] for a tile outside the pyramid.
 fn parent_origin(pyramid: &Pyramid, tile: Tile) -> Result<Option<(usize, usize)>> {
-    if pyramid.tile_index(tile).is_none() {
+    if !pyramid.contains(tile) {
         return Err(Error::NotFound {
             what: format!("page mip {} x {} y {}", tile.mip, tile.x, tile.y),
             detail: format!("the coarsest page is in mip {}", pyramid.tail_mip()),
