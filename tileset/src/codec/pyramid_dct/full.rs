@@ -128,3 +128,84 @@ pub(super) fn texels<P: Processor>(
 fn two(row: &[f32; 4 * SIDE], pair: usize) -> [f32; 8] {
     row.as_chunks().0[pair]
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::codec::pyramid_dct::dispatch::{self, Any, Work};
+    use crate::codec::pyramid_dct::transform::{AREA, forward, inverse};
+    use crate::codec::texel::Texel;
+
+    struct Texels<'a> {
+        parent: &'a Under,
+        own: &'a Block,
+        end: usize,
+        to: &'a mut Over,
+    }
+
+    impl Work for Texels<'_> {
+        type Output = ();
+        #[inline(always)]
+        fn run(self, processor: impl Processor) {
+            let mut lines = lines(processor);
+            // What an earlier block leaves.
+            for line in lines.as_flattened_mut() {
+                *line = processor.eight([f32::NAN; 8]);
+            }
+            texels(processor, self.parent, self.own, self.end, &mut lines, self.to);
+        }
+    }
+
+    /// The transforms of blocks of any size, one after the other.
+    fn wanted(parent: &Under, own: &Block) -> Block {
+        let mut block = *own;
+        let mut low = [Texel::default(); AREA];
+        for (at, texel) in low.iter_mut().enumerate() {
+            if at / SIDE < LOW && at % SIDE < LOW {
+                *texel = Texel(parent[at / SIDE * SLOT_ROW + at % SIDE].map(f16::to_f32));
+            }
+        }
+        forward(&mut low, (LOW, LOW));
+        for (at, texel) in block.iter_mut().enumerate() {
+            if at / SIDE < LOW && at % SIDE < LOW {
+                *texel = low[at] * 2.0;
+            }
+        }
+        inverse(&mut block, (SIDE, SIDE), SIDE);
+        block
+    }
+
+    #[test]
+    fn full_blocks_are_transformed_as_blocks_of_any_size() {
+        let mut state = 1u32;
+        let mut noise = || {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (state >> 8) as f32 / (1 << 24) as f32 - 0.5
+        };
+        for end in 0..2 * SIDE {
+            let parent: Under = std::array::from_fn(|_| [0; 4].map(|_| f16::from_f32(noise())));
+            let own: Block = std::array::from_fn(|at| {
+                let (u, v) = (at / SIDE, at % SIDE);
+                let coded = u + v < end && (u >= LOW || v >= LOW);
+                Texel([0; 4].map(|_| if coded { noise() } else { 0.0 }))
+            });
+            let wanted = wanted(&parent, &own);
+            let mut found = [[[f16::NAN; 4]; (SIDE - 1) * SLOT_ROW + SIDE]; 2];
+            let [any, best] = &mut found;
+            let texels = |to| Texels {
+                parent: &parent,
+                own: &own,
+                end,
+                to,
+            };
+            texels(any).run(Any);
+            dispatch::run(texels(best));
+            for (at, wanted) in wanted.iter().enumerate() {
+                let wanted = wanted.0.map(f16::from_f32);
+                for found in &found {
+                    assert_eq!(found[at / SIDE * SLOT_ROW + at % SIDE], wanted, "{end} {at}");
+                }
+            }
+        }
+    }
+}
