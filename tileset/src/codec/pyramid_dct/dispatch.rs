@@ -31,6 +31,10 @@ pub(super) trait Processor: Copy {
     fn eight(self, floats: [f32; 8]) -> Self::Eight;
     /// From half floats, which is exact.
     fn eight_halves(self, halves: [f16; 8]) -> Self::Eight;
+    /// [`Self::eight_halves`] of all, which may be faster together.
+    fn eights(self, halves: &[[f16; 8]; 8]) -> [Self::Eight; 8];
+    /// [`Eight::halves`] of all, which may be faster together.
+    fn all_halves(self, eights: &[Self::Eight; 16]) -> [[f16; 8]; 16];
 }
 
 /// Two texels of four components each.
@@ -92,6 +96,24 @@ impl Processor for Any {
         let mut floats = [0.0; 8];
         halves.convert_to_f32_slice(&mut floats);
         Floats(floats)
+    }
+
+    #[inline(always)]
+    fn eights(self, halves: &[[f16; 8]; 8]) -> [Floats; 8] {
+        let mut floats = [[0.0; 8]; 8];
+        halves
+            .as_flattened()
+            .convert_to_f32_slice(floats.as_flattened_mut());
+        floats.map(Floats)
+    }
+
+    #[inline(always)]
+    fn all_halves(self, eights: &[Floats; 16]) -> [[f16; 8]; 16] {
+        let mut halves = [[f16::ZERO; 8]; 16];
+        halves
+            .as_flattened_mut()
+            .convert_from_f32_slice(eights.map(|eight| eight.0).as_flattened());
+        halves
     }
 }
 
@@ -218,6 +240,24 @@ mod avx2 {
             // SAFETY: `self` exists.
             Vector(unsafe { _mm256_cvtph_ps(bytemuck::cast(halves)) })
         }
+
+        #[inline(always)]
+        fn eights(self, halves: &[[f16; 8]; 8]) -> [Vector; 8] {
+            let mut eights = [self.eight([0.0; 8]); 8];
+            for (eight, halves) in eights.iter_mut().zip(halves) {
+                *eight = self.eight_halves(*halves);
+            }
+            eights
+        }
+
+        #[inline(always)]
+        fn all_halves(self, eights: &[Vector; 16]) -> [[f16; 8]; 16] {
+            let mut halves = [[f16::ZERO; 8]; 16];
+            for (halves, eight) in halves.iter_mut().zip(eights) {
+                *halves = eight.halves();
+            }
+            halves
+        }
     }
 
     /// [`Eight`] for [`Avx2`], out of which alone it comes: where there is one, the processor has AVX2 and F16C.
@@ -309,11 +349,15 @@ mod tests {
             for first in (0..=u16::MAX).step_by(8) {
                 let halves = std::array::from_fn(|i| f16::from_bits(first + i as u16));
                 let floats = processor.eight_halves(halves).floats();
+                let together = processor.eights(&[halves; 8]).map(Eight::floats);
+                all.extend(together.as_flattened().iter().map(|value| (0, value.to_bits())));
                 // Between two halves, too: a little less and more than the middle, and the middle itself.
                 for part in 0..2048 / 64 {
                     let off = |i: usize| (((part * 8 + i) % 63) as f32 - 31.0) / 65536.0;
                     let near = std::array::from_fn(|i| floats[i] * (1.0 + off(i)));
                     let rounded = processor.eight(near).halves();
+                    let [.., together] = processor.all_halves(&[processor.eight(near); 16]);
+                    all.extend(together.map(|value| (value.to_bits(), 0)));
                     let within = processor.eight(near).within(3.0).floats();
                     all.extend((0..8).map(|i| (rounded[i].to_bits(), floats[i].to_bits())));
                     all.extend(within.map(|value| (0, value.to_bits())));

@@ -50,12 +50,12 @@ pub(super) fn texels<P: Processor>(
     // The parent along y: `[x][pair of v]`.
     let mut low = [[zero; LOW / 2]; LOW];
     for pair in 0..LOW / 2 {
-        let mut line = [zero; LOW];
-        for (y, value) in line.iter_mut().enumerate() {
+        let mut halves = [[f16::ZERO; 8]; LOW];
+        for (y, halves) in halves.iter_mut().enumerate() {
             let at = y * SLOT_ROW + 2 * pair;
-            let [a, b] = [parent[at], parent[at + 1]];
-            *value = processor.eight_halves(bytemuck::cast([a, b]));
+            *halves = bytemuck::cast([parent[at], parent[at + 1]]);
         }
+        let line = processor.eights(&halves);
         let line = forward_8(line);
         for v in 0..LOW / 2 {
             [low[2 * pair][v], low[2 * pair + 1][v]] = line[2 * v].exchange(line[2 * v + 1]);
@@ -116,9 +116,13 @@ pub(super) fn texels<P: Processor>(
             }
             inverse_16_of_8(line)
         };
-        for (y, row) in rows.into_iter().enumerate() {
+        let mut texels = [zero; SIDE];
+        for (texels, row) in texels.iter_mut().zip(rows) {
+            *texels = row.within(HALF_MAX);
+        }
+        for (y, halves) in processor.all_halves(&texels).into_iter().enumerate() {
             let at = y * SLOT_ROW + 2 * pair;
-            [to[at], to[at + 1]] = bytemuck::cast(row.within(HALF_MAX).halves());
+            [to[at], to[at + 1]] = bytemuck::cast(halves);
         }
     }
 }
