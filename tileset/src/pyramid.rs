@@ -74,7 +74,8 @@ impl Pyramid {
 
     /// Width and height of a mip, in texels; mips beyond the last are 1×1.
     pub fn mip_size(&self, mip: u8) -> (u32, u32) {
-        let halved = |side: u32| side.div_ceil(1u32.checked_shl(mip.into()).unwrap_or(u32::MAX));
+        // Rounded up.
+        let halved = |side: u32| (side - 1).checked_shr(mip.into()).unwrap_or(0) + 1;
         (halved(self.width), halved(self.height))
     }
 
@@ -86,14 +87,7 @@ impl Pyramid {
 
     /// The finest mip that lies in the packed tail; also the mip of the root's [`Tile`].
     pub fn tail_mip(&self) -> u8 {
-        let mut mip = 0;
-        while {
-            let (width, height) = self.mip_size(mip);
-            width.max(height) > TAIL_TEXELS
-        } {
-            mip += 1;
-        }
-        mip
+        (self.mip_count() - 1).saturating_sub(TAIL_TEXELS.ilog2() as u8)
     }
 
     /// The root: the packed mip tail.
@@ -130,12 +124,16 @@ impl Pyramid {
 
     /// Index of a tile: coarse to fine, row by row; 0 is the root. `None` if there is no such tile.
     pub fn tile_index(&self, tile: Tile) -> Option<u32> {
-        if tile.mip > self.tail_mip() {
-            return None;
-        }
+        self.contains(tile).then(|| {
+            let (columns, _) = self.grid(tile.mip);
+            self.mip_base(tile.mip) + u32::from(tile.y) * columns + u32::from(tile.x)
+        })
+    }
+
+    /// Whether there is such a tile.
+    pub fn contains(&self, tile: Tile) -> bool {
         let (columns, rows) = self.grid(tile.mip);
-        let (x, y) = (u32::from(tile.x), u32::from(tile.y));
-        (x < columns && y < rows).then(|| self.mip_base(tile.mip) + y * columns + x)
+        tile.mip <= self.tail_mip() && u32::from(tile.x) < columns && u32::from(tile.y) < rows
     }
 
     /// The tile with this index: the inverse of [`Pyramid::tile_index`].
@@ -163,7 +161,7 @@ impl Pyramid {
 
     /// The next coarser tile that covers this one; `None` for the root and for what lies outside the pyramid.
     pub fn parent(&self, tile: Tile) -> Option<Tile> {
-        let inside = tile.mip < self.tail_mip() && self.tile_index(tile).is_some();
+        let inside = tile.mip < self.tail_mip() && self.contains(tile);
         inside.then(|| Tile {
             mip: tile.mip + 1,
             x: tile.x / 2,
@@ -173,10 +171,7 @@ impl Pyramid {
 
     /// The up to four next finer tiles; none for a tile outside the pyramid.
     pub fn children(&self, tile: Tile) -> impl Iterator<Item = Tile> + use<> {
-        let mip = tile
-            .mip
-            .checked_sub(1)
-            .filter(|_| self.tile_index(tile).is_some());
+        let mip = tile.mip.checked_sub(1).filter(|_| self.contains(tile));
         let (columns, rows) = mip.map_or((0, 0), |mip| self.grid(mip));
         (0..4u32).filter_map(move |i| {
             let (x, y) = (u32::from(tile.x) * 2 + i % 2, u32::from(tile.y) * 2 + i / 2);

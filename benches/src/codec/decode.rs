@@ -71,11 +71,11 @@ impl Pages {
     /// # Errors
     /// [`Error::Archive`] if a page is damaged.
     pub fn speed(&self, runs: usize) -> Result<DecodeSpeed> {
-        let mut seconds = Vec::new();
+        let (mut seconds, mut spare) = (Vec::new(), Vec::new());
         for _ in 0..runs.max(1) {
             let began = Instant::now();
             for group in 0..self.records.len() {
-                self.each_page(group, |_, page| {
+                self.each_page(group, &mut spare, |_, page| {
                     black_box(page);
                 })?;
             }
@@ -115,9 +115,9 @@ impl Pages {
         let (columns, rows) = pyramid.mip_size(0);
         let texels = columns as usize * rows as usize;
         assert_eq!(v.len(), manifest.components as usize * texels, "samples of V'");
-        let mut sum = 0.0;
+        let (mut sum, mut spare) = (0.0, Vec::new());
         for (group, textures) in v.chunks(GROUP_COMPONENTS * texels).enumerate() {
-            self.each_page(group, |tile, page| {
+            self.each_page(group, &mut spare, |tile, page| {
                 if tile.mip != 0 {
                     return;
                 }
@@ -141,14 +141,21 @@ impl Pages {
         Ok(sum)
     }
 
-    /// Decodes the pages of a group from coarse to fine. Of these only the last two mips are kept.
-    fn each_page(&self, group: usize, mut visit: impl FnMut(Tile, &Page)) -> Result<()> {
+    /// Decodes the pages of a group from coarse to fine. Of these only the last two mips are kept; what is no longer
+    /// needed goes to `spare`, and the next ones take its place.
+    fn each_page(
+        &self,
+        group: usize,
+        spare: &mut Vec<Page>,
+        mut visit: impl FnMut(Tile, &Page),
+    ) -> Result<()> {
         let pyramid = &self.index.pyramid;
         let mut parents: HashMap<Tile, Page> = HashMap::new();
         let mut decoded: HashMap<Tile, Page> = HashMap::new();
         let mut mip = pyramid.tail_mip();
         for (tile, bytes) in &self.records[group] {
             if tile.mip != mip {
+                spare.extend(parents.drain().map(|(_, page)| page));
                 (parents, mip) = (std::mem::take(&mut decoded), tile.mip);
             }
             let id = PageId {
@@ -156,16 +163,19 @@ impl Pages {
                 tile: *tile,
             };
             let parent = pyramid.parent(*tile).and_then(|parent| parents.get(&parent));
-            let page = self
-                .index
+            let mut page = spare.pop().unwrap_or(Page { texels: Vec::new() });
+            self.index
                 .decoder
-                .page(id, bytes, parent)
+                .page_into(id, bytes, parent, &mut page)
                 .map_err(Error::archive(&self.path))?;
             visit(*tile, &page);
             if tile.mip > 0 {
                 decoded.insert(*tile, page);
+            } else {
+                spare.push(page);
             }
         }
+        spare.extend(parents.into_values());
         Ok(())
     }
 }

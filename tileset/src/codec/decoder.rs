@@ -77,13 +77,25 @@ impl Decoder {
     /// [`Error::Corrupt`] if the bytes are no record of this page, [`Error::NotFound`] if the pyramid has no such
     /// tile, [`Error::Invalid`] for a parent that is missing, unwanted, or no slot.
     pub fn page(&self, id: PageId, bytes: &[u8], parent: Option<&Page>) -> Result<Page> {
+        let mut page = Page { texels: Vec::new() };
+        self.page_into(id, bytes, parent, &mut page)?;
+        Ok(page)
+    }
+
+    /// As [`Decoder::page`], in place of a page that is no longer needed: memory that has been used before is faster
+    /// than what the system has yet to map. What the page holds does not matter; after an error it is anything.
+    ///
+    /// # Errors
+    /// As [`Decoder::page`].
+    pub fn page_into(&self, id: PageId, bytes: &[u8], parent: Option<&Page>, page: &mut Page) -> Result<()> {
         match &self.tables {
-            None => page::decode_page(self.codec, &self.pyramid, id, bytes, parent),
+            None => *page = page::decode_page(self.codec, &self.pyramid, id, bytes, parent)?,
             Some(tables) => {
                 let step = self.codec.step();
-                pyramid_dct::decode(step, &self.pyramid, id, bytes, parent, &tables.pages)
+                pyramid_dct::decode_into(step, &self.pyramid, id, bytes, parent, &tables.pages, page)?;
             }
         }
+        Ok(())
     }
 
     /// Whether [`Decoder::coefficients`] has those of a page: of any but the root, with [`Codec::PyramidDct`].

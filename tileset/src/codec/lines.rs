@@ -3,15 +3,32 @@
 //! Written out by even and odd symmetry from constants. A library's transform would compute its factors with
 //! the platform's sine, which differs in the last bit between platforms; a decoder must not.
 
+use std::ops::{Add, Mul, Sub};
+
+/// A number, or several that are worked on at once. No closures below: what is not inlined cannot use the instructions that
+/// its caller is compiled for.
+pub(super) trait Number:
+    Copy + Add<Output = Self> + Sub<Output = Self> + Mul<f32, Output = Self>
+{
+}
+
+impl<T: Copy + Add<Output = T> + Sub<Output = T> + Mul<f32, Output = T>> Number for T {}
+
 /// Sum of products, from left to right.
 #[inline(always)]
-fn dot_4(a: [f32; 4], b: [f32; 4]) -> f32 {
+fn dot_4<T: Number>(a: [T; 4], b: [f32; 4]) -> T {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3]
+}
+
+/// [`dot_8`] where the last four of `a` are zero.
+#[inline(always)]
+fn dot_4_of_8<T: Number>(a: [T; 4], b: [f32; 8]) -> T {
+    dot_4(a, [b[0], b[1], b[2], b[3]])
 }
 
 /// Sum of products, from left to right.
 #[inline(always)]
-fn dot_8(a: [f32; 8], b: [f32; 8]) -> f32 {
+fn dot_8<T: Number>(a: [T; 8], b: [f32; 8]) -> T {
     a[0] * b[0]
         + a[1] * b[1]
         + a[2] * b[2]
@@ -32,7 +49,7 @@ const COS_6: f32 = 0.191_341_71;
 const COS_7: f32 = 0.097_545_16;
 
 #[inline(always)]
-pub(super) fn forward_8(x: [f32; 8]) -> [f32; 8] {
+pub(super) fn forward_8<T: Number>(x: [T; 8]) -> [T; 8] {
     let sums = [x[0] + x[7], x[1] + x[6], x[2] + x[5], x[3] + x[4]];
     let d = [x[0] - x[7], x[1] - x[6], x[2] - x[5], x[3] - x[4]];
     let (a0, a1) = (sums[0] + sums[3], sums[1] + sums[2]);
@@ -50,7 +67,7 @@ pub(super) fn forward_8(x: [f32; 8]) -> [f32; 8] {
 }
 
 #[inline(always)]
-pub(super) fn inverse_8(c: [f32; 8]) -> [f32; 8] {
+pub(super) fn inverse_8<T: Number>(c: [T; 8]) -> [T; 8] {
     let (p0, p1) = ((c[0] + c[4]) * COS_4, (c[0] - c[4]) * COS_4);
     let (q0, q1) = (c[2] * COS_2 + c[6] * COS_6, c[2] * COS_6 - c[6] * COS_2);
     let even = [p0 + q0, p1 + q1, p1 - q1, p0 - q0];
@@ -68,7 +85,7 @@ pub(super) fn inverse_8(c: [f32; 8]) -> [f32; 8] {
 
 /// [`inverse_8`] where the last four are zero.
 #[inline(always)]
-fn inverse_8_of_4(c: [f32; 4]) -> [f32; 8] {
+fn inverse_8_of_4<T: Number>(c: [T; 4]) -> [T; 8] {
     let (p, q0, q1) = (c[0] * COS_4, c[2] * COS_2, c[2] * COS_6);
     mirrored_8(
         [p + q0, p + q1, p - q1, p - q0],
@@ -82,7 +99,7 @@ fn inverse_8_of_4(c: [f32; 4]) -> [f32; 8] {
 }
 
 #[inline(always)]
-fn mirrored_8(even: [f32; 4], odd: [f32; 4]) -> [f32; 8] {
+fn mirrored_8<T: Number>(even: [T; 4], odd: [T; 4]) -> [T; 8] {
     let ([a, b, c, d], [e, f, g, h]) = (even, odd);
     [a + e, b + f, c + g, d + h, d - h, c - g, b - f, a - e]
 }
@@ -92,7 +109,7 @@ const SQRT_HALF: f32 = std::f32::consts::FRAC_1_SQRT_2;
 /// The even coefficients are the DCT of length 8 of the sums of mirrored texels, the odd ones a product with their
 /// differences.
 #[inline(always)]
-pub(super) fn forward_16(x: [f32; 16]) -> [f32; 16] {
+pub(super) fn forward_16<T: Number>(x: [T; 16]) -> [T; 16] {
     let [a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p] = x;
     let sums = [a + p, b + o, c + n, d + m, e + l, f + k, g + j, h + i];
     let d = [a - p, b - o, c - n, d - m, e - l, f - k, g - j, h - i];
@@ -118,7 +135,7 @@ pub(super) fn forward_16(x: [f32; 16]) -> [f32; 16] {
 }
 
 #[inline(always)]
-pub(super) fn inverse_16(c: [f32; 16]) -> [f32; 16] {
+pub(super) fn inverse_16<T: Number>(c: [T; 16]) -> [T; 16] {
     let even = inverse_8([c[0], c[2], c[4], c[6], c[8], c[10], c[12], c[14]]);
     let d = [c[1], c[3], c[5], c[7], c[9], c[11], c[13], c[15]];
     // The matrix is symmetric: its inverse is itself.
@@ -139,27 +156,26 @@ pub(super) fn inverse_16(c: [f32; 16]) -> [f32; 16] {
 
 /// [`inverse_16`] where the last eight are zero.
 #[inline(always)]
-pub(super) fn inverse_16_of_8(c: [f32; 16]) -> [f32; 16] {
+pub(super) fn inverse_16_of_8<T: Number>(c: [T; 8]) -> [T; 16] {
     let d = [c[1], c[3], c[5], c[7]];
-    let odd = |row: [f32; 8]| dot_4(d, [row[0], row[1], row[2], row[3]]);
     mirrored_16(
         inverse_8_of_4([c[0], c[2], c[4], c[6]]),
         [
-            odd(ODD_16[0]),
-            odd(ODD_16[1]),
-            odd(ODD_16[2]),
-            odd(ODD_16[3]),
-            odd(ODD_16[4]),
-            odd(ODD_16[5]),
-            odd(ODD_16[6]),
-            odd(ODD_16[7]),
+            dot_4_of_8(d, ODD_16[0]),
+            dot_4_of_8(d, ODD_16[1]),
+            dot_4_of_8(d, ODD_16[2]),
+            dot_4_of_8(d, ODD_16[3]),
+            dot_4_of_8(d, ODD_16[4]),
+            dot_4_of_8(d, ODD_16[5]),
+            dot_4_of_8(d, ODD_16[6]),
+            dot_4_of_8(d, ODD_16[7]),
         ],
     )
 }
 
 /// The inverse of length 16 from the even half, still without its factor, and the odd half.
 #[inline(always)]
-fn mirrored_16(even: [f32; 8], odd: [f32; 8]) -> [f32; 16] {
+fn mirrored_16<T: Number>(even: [T; 8], odd: [T; 8]) -> [T; 16] {
     let [a, b, c, d, e, f, g, h] = even;
     let [a, b, c, d] = [a * SQRT_HALF, b * SQRT_HALF, c * SQRT_HALF, d * SQRT_HALF];
     let [e, f, g, h] = [e * SQRT_HALF, f * SQRT_HALF, g * SQRT_HALF, h * SQRT_HALF];

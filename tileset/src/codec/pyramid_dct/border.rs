@@ -6,8 +6,9 @@
 
 use std::ops::Range;
 
-use half::{f16, slice::HalfFloatSliceExt};
+use half::f16;
 
+use super::dispatch::{self, Eight, Processor};
 use crate::codec::tail;
 use crate::{BORDER_TEXELS, PAGE_TEXELS, Page, Pyramid, SLOT_TEXELS, Tile};
 
@@ -16,20 +17,16 @@ pub(super) fn fill(pyramid: &Pyramid, tile: Tile, page: &mut Page, parent: Optio
     let (Some(parent), Some(place)) = (parent, pyramid.parent(tile)) else {
         return tail::assemble(pyramid, page);
     };
-    let (width, height) = pyramid.payload(tile);
     let (columns, rows) = axes(pyramid, tile, place);
-    let (across, down) = (width + 2 * BORDER_TEXELS, height + 2 * BORDER_TEXELS);
-    let inside = BORDER_TEXELS..BORDER_TEXELS + height;
-    let mut scratch = Scratch::new();
-    for (x, y) in [
-        (0..across, 0..BORDER_TEXELS),
-        (0..across, inside.end..down),
-        (0..BORDER_TEXELS, inside.clone()),
-        (across - BORDER_TEXELS..across, inside.clone()),
-    ] {
-        up_sample(page, parent, (&columns, x), (&rows, y), &mut scratch);
+    dispatch::run(UpSample {
+        page,
+        parent,
+        columns: &columns,
+        rows: &rows,
+    });
+    if [&columns, &rows].iter().any(|axis| axis.ends != [false; 2]) {
+        repeat_edges(page, &columns, &rows);
     }
-    repeat_edges(page, &columns, &rows);
 }
 
 /// Along x and along y, whether the picture ends before and behind a tile's payload.
@@ -56,85 +53,88 @@ fn axes(pyramid: &Pyramid, tile: Tile, parent: Tile) -> (Axis, Axis) {
     )
 }
 
-/// Most floats of a side of the border.
-const STRIP: usize = (SLOT_TEXELS * BORDER_TEXELS * 4) as usize;
-
-/// Room for one side of the border.
-struct Scratch {
-    halves: [f16; STRIP],
-    source: [f32; STRIP],
-    wide: [f32; 2 * STRIP],
-    filled: [f32; STRIP],
+/// Fills the border from the parent.
+struct UpSample<'a> {
+    page: &'a mut Page,
+    parent: &'a Page,
+    columns: &'a Axis,
+    rows: &'a Axis,
 }
 
-impl Scratch {
-    fn new() -> Self {
-        Self {
-            halves: [f16::ZERO; STRIP],
-            source: [0.0; STRIP],
-            wide: [0.0; 2 * STRIP],
-            filled: [0.0; STRIP],
+impl dispatch::Work for UpSample<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self, processor: impl Processor) {
+        let (x, y) = (self.columns.payload(), self.rows.payload());
+        let (across, down) = (x.end + BORDER_TEXELS, y.end + BORDER_TEXELS);
+        for (x, y) in [
+            (0..across, 0..y.start),
+            (0..across, y.end..down),
+            (0..x.start, y.clone()),
+            (x.end..across, y.clone()),
+        ] {
+            up_sample(
+                processor,
+                self.page,
+                self.parent,
+                (self.columns, x),
+                (self.rows, y),
+            );
         }
     }
 }
 
-/// Fills a rectangle of the slot, one side of the border, from the parent.
-fn up_sample(
+/// Fills a rectangle of the slot, one side of the border, from the parent: first along x, two texels at a time, then
+/// along y.
+#[inline(always)]
+fn up_sample<P: Processor>(
+    processor: P,
     page: &mut Page,
     parent: &Page,
     (columns, x): (&Axis, Range<u32>),
     (rows, y): (&Axis, Range<u32>),
-    Scratch {
-        halves,
-        source,
-        wide,
-        filled,
-    }: &mut Scratch,
 ) {
-    let (from_x, from_y) = (columns.sources(x.clone()), rows.sources(y.clone()));
-    let (from_width, width) = (from_x.len(), x.len());
-    // All at once: half floats are converted in bulk.
-    for (to, row) in halves.chunks_exact_mut(4 * from_width).zip(from_y.clone()) {
-        let start = (row * SLOT_TEXELS + from_x.start) as usize;
-        to.copy_from_slice(parent.texels[start..start + from_width].as_flattened());
-    }
-    let count = 4 * from_width * from_y.len();
-    halves[..count].convert_to_f32_slice(&mut source[..count]);
-
-    // Along x, then along y.
-    let (wide, _) = wide.as_chunks_mut::<4>();
-    for (to, from) in wide
-        .chunks_exact_mut(width)
-        .zip(source[..count].as_chunks::<4>().0.chunks_exact(from_width))
-    {
-        for (to, position) in to.iter_mut().zip(x.clone()) {
-            let (left, right, along) = columns.taps(position);
-            let (left, right) = (
-                from[(left - from_x.start) as usize],
-                from[(right - from_x.start) as usize],
-            );
-            for c in 0..4 {
-                to[c] = left[c] + (right[c] - left[c]) * along;
+    for first in (x.start / 2 * 2..x.end).step_by(2) {
+        let (left, ..) = columns.taps(first);
+        let (mut row, ..) = rows.taps(y.start);
+        let mut above = two_along_x(processor, parent, left, row);
+        let mut below = two_along_x(processor, parent, left, row + 1);
+        for y in y.clone() {
+            let (upper, lower, along) = rows.taps(y);
+            if upper != row {
+                // The next one.
+                (row, above) = (upper, below);
+                below = two_along_x(processor, parent, left, lower);
+            }
+            let halves = (above + (below - above) * along).halves();
+            let texels: [[f16; 4]; 2] = bytemuck::cast(halves);
+            let at = (y * SLOT_TEXELS + first) as usize;
+            match page.texels[at..].first_chunk_mut() {
+                Some(to) if first >= x.start && first + 1 < x.end => *to = texels,
+                _ if first >= x.start => page.texels[at] = texels[0],
+                _ => page.texels[at + 1] = texels[1],
             }
         }
     }
-    let row_length = 4 * width;
-    let wide = wide.as_flattened();
-    for (to, position) in filled.chunks_exact_mut(row_length).zip(y.clone()) {
-        let (upper, lower, along) = rows.taps(position);
-        let row = |row: u32| &wide[(row - from_y.start) as usize * row_length..][..row_length];
-        for ((to, above), below) in to.iter_mut().zip(row(upper)).zip(row(lower)) {
-            *to = above + (below - above) * along;
-        }
-    }
-    let count = row_length * y.len();
-    halves[..count].convert_from_f32_slice(&filled[..count]);
-    for (from, row) in halves[..count].chunks_exact(row_length).zip(y) {
-        let start = (row * SLOT_TEXELS + x.start) as usize;
-        page.texels[start..start + width]
-            .as_flattened_mut()
-            .copy_from_slice(from);
-    }
+}
+
+/// A texel at an even position and the next one, between `left`, the one behind it and the one behind that, in a row of
+/// the parent.
+#[inline(always)]
+fn two_along_x<P: Processor>(processor: P, parent: &Page, left: u32, row: u32) -> P::Eight {
+    let at = (row * SLOT_TEXELS + left) as usize;
+    let left = two_texels(processor, parent, at);
+    let right = two_texels(processor, parent, at + 1);
+    // How far even and odd positions lie behind a texel of the parent.
+    let along = processor.eight([0.75, 0.75, 0.75, 0.75, 0.25, 0.25, 0.25, 0.25]);
+    left + (right - left) * along
+}
+
+#[inline(always)]
+fn two_texels<P: Processor>(processor: P, page: &Page, at: usize) -> P::Eight {
+    let texels: &[[f16; 4]; 2] = page.texels[at..].first_chunk().expect("pages are one slot");
+    processor.eight_halves(bytemuck::cast(*texels))
 }
 
 /// Repeats the edge where the picture ends.
@@ -175,8 +175,8 @@ impl Axis {
         Self {
             length,
             ends: ends_along(wrap, page, length, mip_length),
-            // Texel i of the payload has its centre at (i + ½)/2, that is -½ in texels of the parent from centre to
-            // centre.
+            // Three quarters more than a whole number, so that even positions lie ¾ behind a texel and odd ones ¼. Texel i
+            // of the payload has its centre at (i + ½)/2, that is -½ in texels of the parent from centre to centre.
             start: 4 * (parent_origin + half) - 2 * BORDER_TEXELS - 1,
         }
     }
@@ -190,11 +190,6 @@ impl Axis {
     fn known(&self) -> Range<u32> {
         let border = self.ends.map(|ends| if ends { BORDER_TEXELS } else { 0 });
         BORDER_TEXELS - border[0]..BORDER_TEXELS + self.length + border[1]
-    }
-
-    /// Positions in the parent's slot that [`Self::taps`] of `positions` name.
-    fn sources(&self, positions: Range<u32>) -> Range<u32> {
-        self.taps(positions.start).0..self.taps(positions.end - 1).1 + 1
     }
 
     /// The two texels of the parent's slot around `position`, and how far it lies between them.

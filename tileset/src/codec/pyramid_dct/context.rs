@@ -5,6 +5,7 @@
 //! other three. The weights are those of a least-squares fit to eigen-textures of cloth, rounded. Integers, and one
 //! conversion to f32 that rounds the same way everywhere.
 
+use super::scan::Scan;
 use super::transform::SIDE;
 
 /// Models of coefficients.
@@ -75,7 +76,8 @@ pub(super) fn class_of_mean(mean: f64) -> u8 {
 ///
 /// Known magnitudes are handed on to the places whose neighbours they are, rather than gathered there: most are zero,
 /// and cost nothing.
-pub(super) struct Expected([[i32; 4]; GRID_AREA]);
+#[repr(C, align(16))]
+pub(super) struct Expected(pub(super) [[i32; 4]; GRID_AREA]);
 
 impl Expected {
     /// Nothing known.
@@ -100,10 +102,24 @@ impl Expected {
         }
     }
 
-    /// The contexts at a place whose mean is `mean`, from [`mean_of_class`].
+    /// The contexts at a place whose mean is `mean`, from [`mean_of_class`]. What was known for the place is forgotten.
     #[inline(always)]
-    pub(super) fn contexts(&self, place: u16, mean: i32) -> [Context; 4] {
-        self.0[usize::from(place)].map(|sum| context(class(sum.wrapping_add(mean))))
+    pub(super) fn take(&mut self, place: u16, mean: i32) -> [Context; 4] {
+        let sums = std::mem::take(&mut self.0[usize::from(place)]);
+        sums.map(|sum| context(class(sum.wrapping_add(mean))))
+    }
+
+    /// Forgets what is known for the next block, all places of the first `end` diagonals being taken.
+    #[inline(always)]
+    pub(super) fn forget(&mut self, scan: &Scan, end: usize) {
+        if scan.is_full() {
+            // Neighbours are at most two diagonals away; no block has those beyond a full one.
+            for place in scan.behind(end, 2) {
+                self.0[usize::from(place.grid)] = [0; 4];
+            }
+        } else {
+            *self = Self::new();
+        }
     }
 }
 
@@ -171,7 +187,7 @@ mod tests {
         let mean = mean_of_class(MEAN_CLASSES - 1);
         let sum = expected.0[usize::from(grid_index(2, 2))][0];
         assert!(sum > 0 && sum.checked_add(mean).is_some());
-        let found = expected.contexts(grid_index(2, 2), mean);
+        let found = expected.take(grid_index(2, 2), mean);
         assert!(found.iter().all(|context| context.shift > 0));
         assert_eq!(magnitude(i32::MIN), LARGEST as i32);
     }
@@ -194,6 +210,30 @@ mod tests {
                             _ => [0; 4],
                         };
                         assert_eq!(expected.0[usize::from(grid_index(x, y))], wanted);
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn nothing_is_known_in_the_next_block() {
+        for (size, low) in [((16, 16), (8, 8)), ((16, 16), (0, 0)), ((5, 13), (3, 7))] {
+            let scan = Scan::new(size, low);
+            for end in 0..40 {
+                let mut expected = Expected::new();
+                for place in scan.places(end) {
+                    expected.take(place.grid, 1);
+                    expected.add(place.grid, [1, 0, 2, 0]);
+                }
+                expected.forget(&scan, end);
+                for other in [Scan::new((16, 16), (0, 0)), scan.clone()] {
+                    for place in other.places(40) {
+                        assert_eq!(
+                            expected.0[usize::from(place.grid)],
+                            [0; 4],
+                            "{size:?} {end} {place:?}"
+                        );
                     }
                 }
             }

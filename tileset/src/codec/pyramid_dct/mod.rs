@@ -17,6 +17,7 @@
 mod border;
 mod context;
 mod dispatch;
+mod full;
 mod levels;
 mod page;
 mod scan;
@@ -24,6 +25,6 @@ mod tables;
 pub(super) mod transform;
 
 pub use page::{CodedPage, Coefficients, code_group, count_group};
-pub(super) use page::{coefficients, decode};
+pub(super) use page::{coefficients, decode_into};
 pub use tables::{PageTables, Statistics};
 pub use transform::matrices;

@@ -24,6 +24,7 @@ pub(super) struct Scan {
     places: Vec<Place>,
     /// First place of each diagonal, and the number of places.
     starts: [u16; DIAGONALS + 1],
+    full: bool,
 }
 
 impl Scan {
@@ -43,13 +44,30 @@ impl Scan {
                 })
             }));
         }
-        Self { places, starts }
+        Self {
+            places,
+            starts,
+            full: (width, height) == (SIDE, SIDE),
+        }
     }
 
     /// The places of the first `diagonals` diagonals.
     #[inline(always)]
     pub(super) fn places(&self, diagonals: usize) -> &[Place] {
         &self.places[..usize::from(self.starts[diagonals.min(DIAGONALS)])]
+    }
+
+    /// The places of the `count` diagonals behind the first `diagonals`.
+    #[inline(always)]
+    pub(super) fn behind(&self, diagonals: usize, count: usize) -> &[Place] {
+        let first = usize::from(self.starts[diagonals.min(DIAGONALS)]);
+        &self.places[first..usize::from(self.starts[(diagonals + count).min(DIAGONALS)])]
+    }
+
+    /// Whether it is that of a full block.
+    #[inline(always)]
+    pub(super) fn is_full(&self) -> bool {
+        self.full
     }
 
     /// How many diagonals hold the first `places` places.

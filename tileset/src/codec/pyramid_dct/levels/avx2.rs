@@ -5,32 +5,13 @@ use std::arch::x86_64::*;
 
 use super::{ESCAPE, Reader};
 use crate::codec::pyramid_dct::context::{
-    CORNER_WEIGHTS, FIRST_SHIFTED, FIRST_SHIFTED_MODEL, FIRST_WHOLE, GRID_AREA, GRID_SIDE, SECOND_WEIGHTS,
-    SIDE_WEIGHTS, context,
+    CORNER_WEIGHTS, Expected, FIRST_SHIFTED, FIRST_SHIFTED_MODEL, FIRST_WHOLE, GRID_AREA, GRID_SIDE,
+    SECOND_WEIGHTS, SIDE_WEIGHTS, context,
 };
 use crate::codec::pyramid_dct::scan::Scan;
 use crate::codec::pyramid_dct::transform::Block;
 use crate::codec::rans::{Bucket, PROBABILITY_BITS};
 use crate::codec::texel::Texel;
-
-/// For each set of lanes that take a word: where in the next words, byte by byte, those of each lane lie.
-const SPREAD: [[u8; 16]; 16] = {
-    let mut spread = [[0x80; 16]; 16];
-    let mut set = 0;
-    while set < 16 {
-        let (mut lane, mut taken) = (0, 0);
-        while lane < 4 {
-            if set >> lane & 1 == 1 {
-                spread[set][4 * lane] = 2 * taken;
-                spread[set][4 * lane + 1] = 2 * taken + 1;
-                taken += 1;
-            }
-            lane += 1;
-        }
-        set += 1;
-    }
-    spread
-};
 
 /// The lanes as indices into tables of 64 times 64 entries.
 #[inline]
@@ -49,11 +30,12 @@ impl Reader<'_> {
     pub(in crate::codec::pyramid_dct) fn read_avx2(
         &mut self,
         scan: &Scan,
+        end: usize,
         step: f32,
         block: &mut Block,
-    ) -> usize {
+        known: &mut Expected,
+    ) {
         let mut reader = *self;
-        let end = reader.end();
         let buckets: &[u64] = bytemuck::cast_slice(reader.buckets.as_flattened());
         let buckets: &[u64; 4096] = buckets.try_into().expect("64 times 64 buckets");
         let values: &[f32; 4096] = reader
@@ -61,14 +43,16 @@ impl Reader<'_> {
             .as_flattened()
             .try_into()
             .expect("64 times 64 values");
-        let mut expected = [_mm_setzero_si128(); GRID_AREA];
+        let expected: &mut [__m128i; GRID_AREA] = bytemuck::cast_mut(&mut known.0);
         let mut states: __m128i = bytemuck::cast(reader.decoder.states);
         let steps = _mm_set1_ps(step);
         let all = |value: i32| _mm_set1_epi32(value);
         for place in scan.places(end) {
+            let window = _mm_cvtsi64_si128(reader.decoder.window() as i64);
             let grid = usize::from(place.grid);
             let mean = _mm_set1_epi32(reader.means[usize::from(place.like)]);
-            let bits = _mm_castps_si128(_mm_cvtepi32_ps(_mm_add_epi32(expected[grid], mean)));
+            let known = std::mem::replace(&mut expected[grid], _mm_setzero_si128());
+            let bits = _mm_castps_si128(_mm_cvtepi32_ps(_mm_add_epi32(known, mean)));
             let classes = _mm_sub_epi32(_mm_srli_epi32::<21>(bits), all(127 << 2));
             let shifted = _mm_cmpgt_epi32(classes, all(FIRST_SHIFTED - 1));
             let models = _mm_blendv_epi8(
@@ -107,12 +91,19 @@ impl Reader<'_> {
 
             // As `Decoder::renormalize_all`.
             let short = _mm_cmpeq_epi32(_mm_srli_epi32::<16>(advanced), _mm_setzero_si128());
-            let taking = _mm_movemask_ps(_mm_castsi128_ps(short)) as usize % 16;
-            let window = _mm_cvtsi64_si128(reader.decoder.window() as i64);
-            let words = _mm_shuffle_epi8(window, bytemuck::cast(SPREAD[taking]));
+            // Where each lane's word lies in the window, in bytes: two for each lane before it that takes one. A table by the
+            // mask would be shorter, but the next symbol waits for this.
+            let taken = _mm_slli_si128::<4>(_mm_and_si128(short, all(0x0202)));
+            let places = _mm_add_epi32(
+                _mm_add_epi32(taken, all(0x8080_0100_u32 as i32)),
+                _mm_add_epi32(_mm_slli_si128::<4>(taken), _mm_slli_si128::<8>(taken)),
+            );
+            let words = _mm_shuffle_epi8(window, places);
             let longer = _mm_or_si128(_mm_slli_epi32::<16>(advanced), words);
             states = _mm_blendv_epi8(advanced, longer, short);
-            reader.decoder.take(taking.count_ones());
+            reader
+                .decoder
+                .take(_mm_movemask_ps(_mm_castsi128_ps(short)).count_ones());
 
             let incomplete = _mm_or_si128(shifted, _mm_cmpeq_epi32(symbols, all(ESCAPE as i32)));
             let (coefficients, magnitudes);
@@ -149,8 +140,8 @@ impl Reader<'_> {
                 sums[2 * GRID_SIDE] = _mm_add_epi32(sums[2 * GRID_SIDE], second);
             }
         }
+        known.forget(scan, end);
         reader.decoder.states = bytemuck::cast(states);
         *self = reader;
-        end
     }
 }

@@ -43,24 +43,31 @@ impl<'a> Reader<'a> {
     }
 
     /// The number of diagonals of the next block.
-    pub(super) fn end(&mut self) -> usize {
+    #[inline(always)]
+    pub(in crate::codec::pyramid_dct) fn end(&mut self) -> usize {
         self.last_end = self
             .decoder
             .symbol(0, &self.tables.ends[end_model(self.last_end)].buckets);
         self.last_end
     }
 
-    /// Decodes a block's coefficients, times `step`, into `block`, which is zero; returns the number of diagonals.
+    /// Decodes the first `end` diagonals of a block, times `step`, into `block`. Takes nothing as known before, and
+    /// leaves nothing known in `expected`.
     ///
     /// Not inlined: with the registers for itself it is faster.
     #[inline(never)]
-    pub(in crate::codec::pyramid_dct) fn read(&mut self, scan: &Scan, step: f32, block: &mut Block) -> usize {
+    pub(in crate::codec::pyramid_dct) fn read(
+        &mut self,
+        scan: &Scan,
+        end: usize,
+        step: f32,
+        block: &mut Block,
+        expected: &mut Expected,
+    ) {
         // A copy, so that states stay in registers.
         let mut reader = *self;
-        let end = reader.end();
-        let mut expected = Expected::new();
         for place in scan.places(end) {
-            let contexts = expected.contexts(place.grid, reader.means[usize::from(place.like)]);
+            let contexts = expected.take(place.grid, reader.means[usize::from(place.like)]);
             let models = contexts.map(|context| usize::from(context.model) % 64);
             let symbols = reader.decoder.symbols(models.map(|model| &reader.buckets[model]));
             let (values, magnitudes) = if symbols
@@ -78,8 +85,8 @@ impl<'a> Reader<'a> {
             block[usize::from(place.at)] = Texel(values) * step;
             expected.add(place.grid, magnitudes);
         }
+        expected.forget(scan, end);
         *self = reader;
-        end
     }
 
     /// Coefficients in steps and magnitudes where symbols do not say all.

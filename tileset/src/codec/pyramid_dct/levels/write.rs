@@ -43,7 +43,7 @@ pub(in crate::codec::pyramid_dct) fn write(
     let mut coded = 0;
     let mut expected = Expected::new();
     for &Place { at, grid, like } in places {
-        let contexts = expected.contexts(grid, means[usize::from(like)]);
+        let contexts = expected.take(grid, means[usize::from(like)]);
         let coefficient = coefficients[usize::from(at)].0;
         let found: [Found; 4] = std::array::from_fn(|c| {
             let (context, coefficient) = (contexts[c], coefficient[c]);

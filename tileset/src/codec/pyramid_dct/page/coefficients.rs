@@ -21,7 +21,8 @@ use half::f16;
 use super::{Blocks, parent_origin, scan_of, step_at};
 use crate::codec::page::check_step;
 use crate::codec::pyramid_dct::border;
-use crate::codec::pyramid_dct::dispatch::{self, Processor};
+use crate::codec::pyramid_dct::context::Expected;
+use crate::codec::pyramid_dct::dispatch::{self, Eight, Processor};
 use crate::codec::pyramid_dct::levels::Reader;
 use crate::codec::pyramid_dct::scan::Place;
 use crate::codec::pyramid_dct::tables::PageTables;
@@ -118,15 +119,19 @@ impl dispatch::Work for Walk<'_> {
         words.reserve(count * MAX_COUNT * 2);
         let mut spare = None;
         let mut block: Block = [Texel::default(); AREA];
+        let mut expected = Expected::new();
         let mut values = Values::new();
         for (at, corner) in self.blocks.corners().enumerate() {
             let scan = scan_of(&self.blocks.place(corner), &mut spare);
-            block.fill(Texel::default());
-            let end = processor.read(reader, scan, 1.0, &mut block);
+            let end = reader.end();
+            processor.read(reader, scan, end, 1.0, &mut block, &mut expected);
             values.gather(processor, scan.places(end), &block);
             let (count, whole) = (values.count as u32, values.whole as u32);
             words[at] = count | whole << WHOLE_SHIFT | (words.len() as u32) << START_SHIFT;
             values.push(&mut words);
+            for place in scan.places(end) {
+                block[usize::from(place.at)] = Texel::default();
+            }
         }
         self.reader.map_or(Ok(()), Reader::finish)?;
         Ok(words)
@@ -161,17 +166,17 @@ impl Values {
             for (to, place) in floats.as_chunks_mut::<4>().0.iter_mut().zip(places) {
                 *to = block[usize::from(place.at)].0;
             }
-            *halves = processor.halves(floats);
-            let (first, last) = halves.split_at(2 * CHUNK);
-            let back = [first, last].map(|half| match half.try_into() {
-                Ok(half) => processor.floats(half),
-                Err(_) => unreachable!("half of a chunk"),
-            });
-            let all = floats
-                .as_chunks::<4>()
+            let mut back = [0.0; 4 * CHUNK];
+            let eights = floats
+                .as_chunks::<8>()
                 .0
                 .iter()
-                .zip(back.as_flattened().as_chunks::<4>().0);
+                .zip(halves.as_chunks_mut::<8>().0);
+            for ((floats, halves), back) in eights.zip(back.as_chunks_mut::<8>().0) {
+                *halves = processor.eight(*floats).halves();
+                *back = processor.eight_halves(*halves).floats();
+            }
+            let all = floats.as_chunks::<4>().0.iter().zip(back.as_chunks::<4>().0);
             for (number, (value, back)) in (chunk * CHUNK + 1..).zip(all).take(places.len()) {
                 if *value != [0.0; 4] {
                     self.count = number;

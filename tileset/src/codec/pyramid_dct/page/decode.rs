@@ -4,31 +4,37 @@ use half::f16;
 
 use super::{Blocks, Place, low_scale, parent_origin, scan_of, step_at};
 use crate::codec::pyramid_dct::border;
-use crate::codec::pyramid_dct::dispatch::{self, Processor};
+use crate::codec::pyramid_dct::context::Expected;
+use crate::codec::pyramid_dct::dispatch::{self, Eight, Processor};
+use crate::codec::pyramid_dct::full;
 use crate::codec::pyramid_dct::levels::Reader;
 use crate::codec::pyramid_dct::tables::PageTables;
 use crate::codec::pyramid_dct::transform::{AREA, Block, SIDE, forward_here, inverse_here};
 use crate::codec::{page::check_step, region::HALF_MAX, texel::Texel};
 use crate::error::corrupt;
-use crate::{BORDER_TEXELS, Error, Page, PageId, Pyramid, Result, SLOT_AREA, SLOT_TEXELS, Tile};
+use crate::{BORDER_TEXELS, Error, PAGE_TEXELS, Page, PageId, Pyramid, Result, SLOT_AREA, SLOT_TEXELS, Tile};
 
-/// Decodes a page's record; see [`crate::codec::Decoder::page`].
-pub(crate) fn decode(
+/// Decodes a page's record into `decoded`; see [`crate::codec::Decoder::page_into`].
+pub(crate) fn decode_into(
     step: f64,
     pyramid: &Pyramid,
     page: PageId,
     bytes: &[u8],
     parent: Option<&Page>,
     tables: &PageTables,
-) -> Result<Page> {
+    decoded: &mut Page,
+) -> Result<()> {
     let parent = parent_of(pyramid, page.tile, parent)?;
-    let mut decoded = Page {
-        texels: vec![[f16::ZERO; 4]; SLOT_AREA],
-    };
+    if decoded.texels.len() != SLOT_AREA {
+        decoded.texels = vec![[f16::ZERO; 4]; SLOT_AREA];
+    } else if pyramid.payload(page.tile) != (PAGE_TEXELS, PAGE_TEXELS) {
+        // A full page has a payload or a border everywhere.
+        decoded.texels.fill([f16::ZERO; 4]);
+    }
     let payload = Payload::new(step, pyramid, page, bytes, parent, tables, &mut decoded.texels)?;
     dispatch::run(payload).map_err(|detail| corrupt(page.to_string(), 0, detail))?;
-    border::fill(pyramid, page.tile, &mut decoded, parent.map(|(parent, _)| parent));
-    Ok(decoded)
+    border::fill(pyramid, page.tile, decoded, parent.map(|(parent, _)| parent));
+    Ok(())
 }
 
 /// A page to decode, but for its border.
@@ -77,40 +83,71 @@ impl dispatch::Work for Payload<'_> {
     fn run(mut self, processor: impl Processor) -> Self::Output {
         let mut spare = None;
         let mut block: Block = [Texel::default(); AREA];
+        let mut expected = Expected::new();
+        let mut lines = full::lines(processor);
         for corner in self.blocks.corners() {
             let place = self.blocks.place(corner);
+            let scan = scan_of(&place, &mut spare);
             let mut end = 0;
-            block.fill(Texel::default());
             if let Some(reader) = &mut self.reader {
-                end = processor.read(reader, scan_of(&place, &mut spare), self.step, &mut block);
+                end = reader.end();
+                if end > 0 {
+                    processor.read(reader, scan, end, self.step, &mut block, &mut expected);
+                }
             }
-            if let Some((parent, origin)) = self.parent {
-                low_coefficients(processor, &mut block, parent, origin, &place);
+            match (self.parent, over(self.slot, &place)) {
+                (Some((parent, origin)), Some(over)) if let Some(under) = under(parent, origin, &place) => {
+                    full::texels(processor, under, &block, end, &mut lines, over);
+                }
+                (parent, _) => {
+                    let mut block = block;
+                    if let Some((parent, origin)) = parent {
+                        low_coefficients(processor, &mut block, parent, origin, &place);
+                    }
+                    inverse_here(&mut block, place.size, end.max(place.low.0).max(place.low.1));
+                    put(processor, &block, &place, self.slot);
+                }
             }
-            inverse_here(&mut block, place.size, end.max(place.low.0).max(place.low.1));
-            put(processor, &block, &place, self.slot);
+            for place in scan.places(end) {
+                block[usize::from(place.at)] = Texel::default();
+            }
         }
         self.reader.map_or(Ok(()), Reader::finish)
     }
 }
 
+/// The place of a full block in the slot.
+#[inline(always)]
+fn over<'a>(slot: &'a mut [[f16; 4]], place: &Place) -> Option<&'a mut full::Over> {
+    let at = (place.y + BORDER) * SLOT_TEXELS as usize + place.x + BORDER;
+    match place.size {
+        (SIDE, SIDE) => slot.get_mut(at..)?.first_chunk_mut(),
+        _ => None,
+    }
+}
+
+/// What the parent has under a full block.
+#[inline(always)]
+fn under<'a>(parent: &'a Page, origin: (usize, usize), place: &Place) -> Option<&'a full::Under> {
+    let at = (origin.1 + place.y / 2) * SLOT_TEXELS as usize + origin.0 + place.x / 2;
+    parent.texels.get(at..)?.first_chunk()
+}
+
+const BORDER: usize = BORDER_TEXELS as usize;
+
 /// Puts a block's texels into the slot.
 #[inline(always)]
 fn put(processor: impl Processor, block: &Block, place: &Place, slot: &mut [[f16; 4]]) {
-    const BORDER: usize = BORDER_TEXELS as usize;
     let rows: &[[f32; 4 * SIDE]; SIDE] = bytemuck::cast_ref(block);
     let slot = slot.chunks_exact_mut(SLOT_TEXELS as usize).skip(place.y + BORDER);
     for (to, row) in slot.zip(rows).take(place.size.1) {
-        // What lies above the range of half floats, or is no number, which only a damaged record asks for, must become
-        // neither infinite nor different from processor to processor. (`clamp` keeps what is no number.)
-        let row = row.map(|value| if value > -HALF_MAX { value } else { -HALF_MAX });
-        let row = row.map(|value| if value < HALF_MAX { value } else { HALF_MAX });
-        let halves: [[f16; 4]; SIDE] = bytemuck::cast(processor.halves(&row));
-        let to = &mut to[place.x + BORDER..];
-        match to.first_chunk_mut() {
-            // All at once, which is no call.
-            Some(to) if place.size.0 == SIDE => *to = halves,
-            _ => to[..place.size.0].copy_from_slice(&halves[..place.size.0]),
+        let to = &mut to[place.x + BORDER..][..place.size.0];
+        for (to, floats) in to.chunks_mut(2).zip(row.as_chunks().0) {
+            // What lies above the range of half floats, or is no number, which only a damaged record asks for, must
+            // become neither infinite nor different from processor to processor.
+            let halves = processor.eight(*floats).within(HALF_MAX).halves();
+            let halves: [[f16; 4]; 2] = bytemuck::cast(halves);
+            to.copy_from_slice(&halves[..to.len()]);
         }
     }
 }
@@ -144,7 +181,6 @@ fn low_coefficients(
     origin: (usize, usize),
     place: &Place,
 ) {
-    const HALF_SIDE: usize = SIDE / 2;
     let (width, height) = place.low;
     let mut low: Block = [Texel::default(); AREA];
     let rows = parent
@@ -152,14 +188,13 @@ fn low_coefficients(
         .chunks_exact(SLOT_TEXELS as usize)
         .skip(origin.1 + place.y / 2);
     for (to, row) in low.as_chunks_mut::<SIDE>().0.iter_mut().zip(rows).take(height) {
-        let row = &row[origin.0 + place.x / 2..];
-        let mut halves = [[f16::ZERO; 4]; HALF_SIDE];
-        match row.first_chunk() {
-            Some(row) if width == HALF_SIDE => halves = *row,
-            _ => halves[..width].copy_from_slice(&row[..width]),
+        let row = &row[origin.0 + place.x / 2..][..width];
+        for (to, from) in to.chunks_mut(2).zip(row.chunks(2)) {
+            let mut halves = [[f16::ZERO; 4]; 2];
+            halves[..from.len()].copy_from_slice(from);
+            let floats = processor.eight_halves(bytemuck::cast(halves)).floats();
+            to[..from.len()].copy_from_slice(&bytemuck::cast::<_, [Texel; 2]>(floats)[..from.len()]);
         }
-        let floats: [Texel; HALF_SIDE] = bytemuck::cast(processor.floats(&bytemuck::cast(halves)));
-        to[..HALF_SIDE].copy_from_slice(&floats);
     }
     forward_here(&mut low, place.low);
     let factor = low_scale(place.size, place.low);

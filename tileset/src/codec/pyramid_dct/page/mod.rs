@@ -12,7 +12,7 @@ use crate::{Error, PAGE_TEXELS, Pyramid, Result, Tile};
 
 pub use coefficients::Coefficients;
 pub(in crate::codec) use coefficients::coefficients;
-pub(in crate::codec) use decode::decode;
+pub(in crate::codec) use decode::decode_into;
 pub use encode::{CodedPage, code_group, count_group};
 
 /// The blocks of a page, row by row.
@@ -83,7 +83,7 @@ fn step_at(step: f32, mip: u8) -> f32 {
 /// # Errors
 /// [`Error::NotFound`] for a tile outside the pyramid.
 fn parent_origin(pyramid: &Pyramid, tile: Tile) -> Result<Option<(usize, usize)>> {
-    if pyramid.tile_index(tile).is_none() {
+    if !pyramid.contains(tile) {
         return Err(Error::NotFound {
             what: format!("page mip {} x {} y {}", tile.mip, tile.x, tile.y),
             detail: format!("the coarsest page is in mip {}", pyramid.tail_mip()),

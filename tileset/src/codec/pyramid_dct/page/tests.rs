@@ -92,14 +92,14 @@ impl Coded {
     }
 
     pub(super) fn decode(&self, tile: Tile, bytes: &[u8], parent: Option<&Page>) -> Result<Page> {
-        decode(
-            self.step,
-            &self.pyramid,
-            PageId { group: 0, tile },
-            bytes,
-            parent,
-            &self.tables,
-        )
+        let mut page = Page { texels: Vec::new() };
+        self.decode_into(tile, bytes, parent, &mut page)?;
+        Ok(page)
+    }
+
+    fn decode_into(&self, tile: Tile, bytes: &[u8], parent: Option<&Page>, page: &mut Page) -> Result<()> {
+        let id = PageId { group: 0, tile };
+        decode_into(self.step, &self.pyramid, id, bytes, parent, &self.tables, page)
     }
 
     pub(super) fn decode_all(&self) -> HashMap<Tile, Page> {
@@ -145,6 +145,30 @@ fn errors_are_those_of_the_step() {
 }
 
 #[test]
+fn what_was_in_the_slot_does_not_matter() {
+    for (width, height) in [(128, 64), (150, 77), (33, 200), (5, 3)] {
+        let coded = coded(width, height, 0.05, 5);
+        let decoded = coded.decode_all();
+        for page in &coded.pages {
+            let parent = coded.pyramid.parent(page.tile).map(|parent| &decoded[&parent]);
+            for length in [0, 7, SLOT_AREA] {
+                let mut found = Page {
+                    texels: vec![[f16::NAN; 4]; length],
+                };
+                coded
+                    .decode_into(page.tile, &page.bytes, parent, &mut found)
+                    .unwrap();
+                assert!(
+                    found == decoded[&page.tile],
+                    "{width}x{height} {:?} {length}",
+                    page.tile
+                );
+            }
+        }
+    }
+}
+
+#[test]
 fn missing_models_are_an_error() {
     let coded = coded(64, 64, 0.1, 3);
     let untrained = Statistics::new(&coded.pyramid, 1, false).tables();
@@ -152,7 +176,8 @@ fn missing_models_are_an_error() {
         group: 0,
         tile: coded.pyramid.root(),
     };
-    assert!(decode(0.1, &coded.pyramid, root, &coded.pages[0].bytes, None, &untrained).is_err());
+    let (bytes, mut page) = (&coded.pages[0].bytes, Page { texels: Vec::new() });
+    assert!(decode_into(0.1, &coded.pyramid, root, bytes, None, &untrained, &mut page).is_err());
 }
 
 proptest! {
