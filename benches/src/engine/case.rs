@@ -3,7 +3,7 @@
 use std::collections::HashSet;
 use std::time::Duration;
 
-use engine::frame::{Engine, Options};
+use engine::frame::{Budgets, Engine, Options};
 use engine::gpu::page_cache::SLOT_BYTES;
 use engine::gpu::{Context, ShadingWork};
 use scenes::Camera;
@@ -39,8 +39,11 @@ impl Plan {
     pub(super) fn options(&self) -> Options {
         Options {
             size: self.size,
-            page_cache_bytes: self.page_cache_bytes,
-            column_cache_bytes: self.column_cache_bytes,
+            budgets: Budgets {
+                page_cache_bytes: self.page_cache_bytes,
+                column_cache_bytes: self.column_cache_bytes,
+                ..Budgets::default()
+            },
             wait: false,
             ..Options::default()
         }

@@ -33,6 +33,30 @@ pub struct Budgets {
     pub bytes_in_flight: u64,
 }
 
+impl Budgets {
+    fn check(&self) -> Result<()> {
+        let wrong = |text: String| Err(Error::Budget(text));
+        if self.host_bytes < MIN_HOST_BYTES {
+            return wrong(format!(
+                "{} bytes of host memory: at least {MIN_HOST_BYTES} are needed",
+                self.host_bytes
+            ));
+        }
+        let counts = [
+            self.uploads_per_frame,
+            self.decodes_per_frame,
+            self.requests_in_flight,
+        ];
+        if counts.contains(&0) || self.bytes_in_flight == 0 {
+            return wrong(
+                "uploads and decodes in a frame, requests and bytes in flight must be at least one each"
+                    .into(),
+            );
+        }
+        Ok(())
+    }
+}
+
 /// Where pages are made of what entropy decoding leaves, which is always the workers'.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Decode {
@@ -62,20 +86,8 @@ impl Decode {
 pub struct Options {
     /// Width and height of the picture, pixels.
     pub size: (u32, u32),
-    /// Bytes of the GPU page cache; rounded down to whole slots, at least one.
-    pub page_cache_bytes: u64,
-    /// Bytes of the GPU column cache; rounded down to whole slots.
-    pub column_cache_bytes: u64,
-    /// Bytes of host memory for compressed records and decoded parents, at least [`MIN_HOST_BYTES`].
-    pub host_bytes: u64,
-    /// Most pages and columns uploaded in one frame, at least one.
-    pub uploads_per_frame: usize,
-    /// See [`Budgets::decodes_per_frame`].
-    pub decodes_per_frame: usize,
-    /// Most records asked for and not yet placed, at least one; the source may allow fewer.
-    pub requests_in_flight: usize,
-    /// Most bytes asked of the source and not yet here, at least one; a single record may take more.
-    pub bytes_in_flight: u64,
+    /// What may be used of each resource.
+    pub budgets: Budgets,
     /// How far ahead of a moving camera pages are fetched, in seconds, at most [`MAX_PREFETCH_SECONDS`]; 0 for not at
     /// all.
     pub prefetch_seconds: f32,
@@ -99,10 +111,9 @@ pub struct Options {
     pub wait: bool,
 }
 
-impl Default for Options {
+impl Default for Budgets {
     fn default() -> Self {
         Self {
-            size: (1280, 720),
             page_cache_bytes: 256 << 20,
             column_cache_bytes: 128 << 20,
             host_bytes: 256 << 20,
@@ -111,6 +122,15 @@ impl Default for Options {
             decodes_per_frame: if cfg!(target_arch = "wasm32") { 8 } else { 64 },
             requests_in_flight: 64,
             bytes_in_flight: 16 << 20,
+        }
+    }
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            size: (1280, 720),
+            budgets: Budgets::default(),
             prefetch_seconds: 0.3,
             exposure_stops: 0.0,
             feedback_stride: 4,
@@ -124,24 +144,11 @@ impl Default for Options {
 }
 
 impl Options {
-    /// The budgets among them.
-    pub fn budgets(&self) -> Budgets {
-        Budgets {
-            page_cache_bytes: self.page_cache_bytes,
-            column_cache_bytes: self.column_cache_bytes,
-            host_bytes: self.host_bytes,
-            uploads_per_frame: self.uploads_per_frame,
-            decodes_per_frame: self.decodes_per_frame,
-            requests_in_flight: self.requests_in_flight,
-            bytes_in_flight: self.bytes_in_flight,
-        }
-    }
-
     /// Bytes of the caches on the GPU.
     pub(super) fn caches(&self) -> Caches {
         Caches {
-            page_bytes: self.page_cache_bytes,
-            column_bytes: self.column_cache_bytes,
+            page_bytes: self.budgets.page_cache_bytes,
+            column_bytes: self.budgets.column_cache_bytes,
             angular: self.angular,
         }
     }
@@ -154,48 +161,9 @@ impl Options {
         }
     }
 
-    /// The same choices with other budgets.
-    pub fn with_budgets(self, budgets: Budgets) -> Self {
-        let Budgets {
-            page_cache_bytes,
-            column_cache_bytes,
-            host_bytes,
-            uploads_per_frame,
-            decodes_per_frame,
-            requests_in_flight,
-            bytes_in_flight,
-        } = budgets;
-        Self {
-            page_cache_bytes,
-            column_cache_bytes,
-            host_bytes,
-            uploads_per_frame,
-            decodes_per_frame,
-            requests_in_flight,
-            bytes_in_flight,
-            ..self
-        }
-    }
-
     pub(super) fn check(&self) -> Result<()> {
+        self.budgets.check()?;
         let wrong = |text: String| Err(Error::Budget(text));
-        if self.host_bytes < MIN_HOST_BYTES {
-            return wrong(format!(
-                "{} bytes of host memory: at least {MIN_HOST_BYTES} are needed",
-                self.host_bytes
-            ));
-        }
-        let counts = [
-            self.uploads_per_frame,
-            self.decodes_per_frame,
-            self.requests_in_flight,
-        ];
-        if counts.contains(&0) || self.bytes_in_flight == 0 {
-            return wrong(
-                "uploads and decodes in a frame, requests and bytes in flight must be at least one each"
-                    .into(),
-            );
-        }
         if !(0.0..=MAX_PREFETCH_SECONDS).contains(&self.prefetch_seconds) {
             return wrong(format!(
                 "{} seconds of prefetching: 0 to {MAX_PREFETCH_SECONDS}",

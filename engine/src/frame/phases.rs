@@ -76,7 +76,7 @@ impl Engine {
     pub(super) fn learn(&mut self) -> Result<()> {
         let mut read = self
             .archives
-            .take_read(self.options.decodes_per_frame, &mut self.problems);
+            .take_read(self.options.budgets.decodes_per_frame, &mut self.problems);
         if read.is_empty() {
             return Ok(());
         }

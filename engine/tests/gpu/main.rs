@@ -19,7 +19,7 @@ mod votes;
 use std::time::Duration;
 
 use engine::{
-    frame::{Engine, FrameStats, Options},
+    frame::{Budgets, Engine, FrameStats, Options},
     gpu::Context,
     metrics::Picture,
     reference::{FactorReflectance, Reflectance, shade},
@@ -32,8 +32,11 @@ const LIMIT: Duration = Duration::from_secs(60);
 fn options(size: (u32, u32)) -> Options {
     Options {
         size,
-        page_cache_bytes: 32 << 20,
-        column_cache_bytes: 64 << 20,
+        budgets: Budgets {
+            page_cache_bytes: 32 << 20,
+            column_cache_bytes: 64 << 20,
+            ..Budgets::default()
+        },
         ..Default::default()
     }
 }
