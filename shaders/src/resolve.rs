@@ -55,6 +55,7 @@ embed!(
     "light",
     "material",
     "pages",
+    "resident",
     "shade",
     "stitch",
     "surface",
@@ -65,7 +66,10 @@ embed!(
 
 /// Imports that stand for one of several files, which define the same functions in different ways. The first is meant
 /// where none is chosen.
-pub const CHOICES: &[(&str, &[&str])] = &[("angular", &["delaunay", "hemisphere"])];
+pub const CHOICES: &[(&str, &[&str])] = &[
+    ("angular", &["delaunay", "hemisphere"]),
+    ("textures", &["eigen", "resident"]),
+];
 
 /// The source of a shader file with all that it imports, each file once and before its first importer.
 ///

@@ -6,7 +6,8 @@
 //! page cache [`decode`], which makes pages of coefficients, and [`stitch`], which copies borders ([`borders`]). What they share lies in three bind groups: the scene (group 0: camera, [`geometry`],
 //! materials), the caches (group 1: [`page_table`], [`page_cache`], [`column_cache`], directions) and what a pass reads
 //! and writes (group 2). [`Renderer`] owns all of it: `look` has what draws ids and asks for votes, `outputs` what reads
-//! back. [`cutoff`] says which component groups matter, [`fade`] how new pages come in. Nothing here decides what is
+//! back. [`cutoff`] says which component groups matter, [`fade`] how new pages come in. `resident` is what measurements
+//! compare with: the same without a page table. Nothing here decides what is
 //! resident. Meshes and lights may hold anything: what then is drawn is written down in `finite.wgsl`.
 //!
 //! Stays within the default limits of WebGPU: 4 bind groups, 8 storage buffers in a stage, 128 MiB bindings. Only
@@ -30,6 +31,7 @@ pub mod page_cache;
 pub mod page_table;
 mod readback;
 mod renderer;
+mod resident;
 mod resources;
 pub mod shade;
 pub mod stitch;

@@ -11,8 +11,9 @@ use super::{
     geometry::Geometry,
     materials::Btf,
     readback,
+    resident::Resident,
     resources::{Caches, Groups, Layout, Materials, Passes, Shading},
-    shade::{Shade, ShadingWork},
+    shade::{Shade, ShadingWork, Textures},
     stitch,
     targets::{Targets, WORK_HEADER_BYTES},
     timers::{Pass, Timers},
@@ -41,6 +42,8 @@ pub struct Renderer {
     pub(super) placed: Vec<(usize, PageId)>,
     /// What there is to shade is known.
     pub(super) classified: bool,
+    /// What measurements compare with.
+    pub(super) resident: Option<Resident>,
 }
 
 impl Renderer {
@@ -83,6 +86,7 @@ impl Renderer {
             waiting: Vec::new(),
             placed: Vec::new(),
             classified: false,
+            resident: None,
         })
     }
 
@@ -140,7 +144,13 @@ impl Renderer {
             self.decode_waiting();
             if layout.columns.angular != old.columns.angular {
                 let Passes { scene, caches, .. } = &self.passes;
-                self.passes.shade = Shade::new(&self.context, scene, caches, layout.columns.angular)?;
+                self.passes.shade = Shade::new(
+                    &self.context,
+                    scene,
+                    caches,
+                    layout.columns.angular,
+                    Textures::Virtual,
+                )?;
             }
             self.materials.resize(&self.context, layout, pages, columns);
             self.bind();
@@ -168,6 +178,7 @@ impl Renderer {
             [&self.frame_buffer, &self.ahead_frame_buffer],
         );
         self.classified = false;
+        self.resident = None;
         let Materials { pages, columns, .. } = &self.materials;
         self.frame.page_scale = pages.scale();
         self.frame.slot_columns = pages.grid.columns;
@@ -202,6 +213,7 @@ impl Renderer {
             + self.passes.stitch.bytes()
             + self.decode.as_ref().map_or(0, Decode::bytes)
             + self.materials.bytes()
+            + self.resident.as_ref().map_or(0, Resident::bytes)
     }
 
     /// Writes a page into a slot and enters it into the page table. What its border holds counts only where a
@@ -349,6 +361,12 @@ impl Renderer {
     pub fn draw(&mut self, exposure: f32) {
         self.frame.exposure = exposure;
         self.write_frame();
+        self.encode_picture(None);
+    }
+
+    /// The commands of [`Renderer::draw`], with the frame that the buffer holds; `resident` draws what it holds instead of
+    /// what the caches do.
+    pub(super) fn encode_picture(&mut self, resident: Option<&Resident>) {
         let mut encoder = self.context.device.create_command_encoder(&Default::default());
         let (size, groups) = (self.targets.size, &self.groups);
         if !self.classified {
@@ -359,10 +377,11 @@ impl Renderer {
             self.classified = true;
         }
         let timestamps = self.timers.as_mut().map(|timers| timers.compute(Pass::Shade));
-        let bound = [&groups.scene, &groups.caches, &groups.shade];
-        self.passes
-            .shade
-            .encode(&mut encoder, &self.targets, bound, timestamps);
+        let (shade, bound) = match resident {
+            Some(resident) => resident.shade(),
+            None => (&self.passes.shade, [&groups.scene, &groups.caches, &groups.shade]),
+        };
+        shade.encode(&mut encoder, &self.targets, bound, timestamps);
         let timestamps = self.timers.as_mut().map(|timers| timers.compute(Pass::Tonemap));
         let bound = [&groups.scene, &groups.caches, &groups.tonemap];
         self.passes.tonemap.encode(&mut encoder, size, bound, timestamps);

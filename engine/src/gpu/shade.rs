@@ -30,6 +30,15 @@ pub struct ShadingWork {
     pub groups_absent: u32,
 }
 
+/// How pages and columns are found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Textures {
+    /// By the page table.
+    Virtual,
+    /// By arithmetic; see [`super::resident`].
+    Resident,
+}
+
 /// The pass.
 pub(super) struct Shade {
     pipelines: Vec<wgpu::ComputePipeline>,
@@ -42,6 +51,7 @@ impl Shade {
         scene: &wgpu::BindGroupLayout,
         caches: &wgpu::BindGroupLayout,
         angular: Angular,
+        textures: Textures,
     ) -> Result<Self> {
         let (columns, file) = match angular {
             Angular::Delaunay => (Binding::Words, "delaunay"),
@@ -54,7 +64,11 @@ impl Shade {
             columns,
         ];
         let layout = bind::layout(context, "shade", wgpu::ShaderStages::COMPUTE, &bindings);
-        let module = bind::variant(context, "shade", &[("angular", file)])?;
+        let textures = match textures {
+            Textures::Virtual => "eigen",
+            Textures::Resident => "resident",
+        };
+        let module = bind::variant(context, "shade", &[("angular", file), ("textures", textures)])?;
         let pipelines = KINDS.map(|kind| bind::pipeline(context, &module, kind, &[scene, caches, &layout]));
         Ok(Self {
             pipelines: pipelines.into(),

@@ -2,6 +2,7 @@
 
 mod angular;
 mod arrivals;
+mod baseline;
 mod borders;
 mod budgets;
 mod changes;
