@@ -54,16 +54,10 @@ mirror! {
         pub slot_columns: u32,
         /// Slots in a layer.
         pub layer_slots: u32,
-        /// 1 while the weight of any slot is below one.
-        pub fading: u32,
         /// Pixels of the picture that is shown, per pixel of this one.
         pub pixel_scale: f32,
         /// 1 if shading is to count what it fetches.
         pub count_work: u32,
-        /// Not used.
-        pub pad_x: u32,
-        /// Not used.
-        pub pad: UVec2,
     }
 }
 

@@ -49,12 +49,13 @@ fn btf_radiance(seen: Surface) -> vec4<f32> {
         }
         for (var group = 0u; group < groups; group++) {
             let slot = column_slot(m, group);
-            if slot == NONE || !has_page(rows, group) {
+            let page = page_entry(rows, group);
+            if slot == NONE || page == NONE {
                 groups_absent += u32(first == 0u);
                 continue;
             }
             groups_fetched++;
-            let eigen = eigen_texture(m, group, wanted, rows);
+            let eigen = eigen_texture(m, group, wanted, rows, page);
             shown = max(shown, eigen.shown);
             for (var i = 0u; i < used; i++) {
                 radiance += block[i].factor * reflectance(slot, view, block[i], eigen.texture);

@@ -30,9 +30,13 @@ fn groups_that_matter(rows: vec2<u32>) -> u32 {
     return page_table[rows.x];
 }
 
-fn has_page(rows: vec2<u32>, group: u32) -> bool {
-    return page_table[rows.x + 1u + group] != NONE;
+// The entry of the footprint's tile.
+fn page_entry(rows: vec2<u32>, group: u32) -> u32 {
+    return page_table[rows.x + 1u + group];
 }
+
+// Whether the weight of any slot may be below one: frames in which nothing fades do without all that is needed for it.
+override fading: bool = true;
 
 struct Eigen {
     texture: vec4<f32>,
@@ -47,7 +51,7 @@ fn slot_weight(entry: u32) -> f32 {
 
 // One mip from the page of an entry, which is that mip's or a coarser one's.
 fn eigen_mip(material: u32, group: u32, footprint: Footprint, entry: u32, mip: u32) -> Eigen {
-    if frame.fading == 0u {
+    if !fading {
         return Eigen(page_texel(material, footprint, entry, mip), 1.0);
     }
     var sum = vec4(0.0);
@@ -66,11 +70,10 @@ fn eigen_mip(material: u32, group: u32, footprint: Footprint, entry: u32, mip: u
     return Eigen(sum, 1.0 - left);
 }
 
-// `rows` are those of `tile_rows`, where the first has a page for the group. Where both mips fall back
-// to one resident mip it is sampled once.
-fn eigen_texture(material: u32, group: u32, footprint: Footprint, rows: vec2<u32>) -> Eigen {
+// `rows` are those of `tile_rows`, `fine` the `page_entry` that is there. Where both mips fall back to one resident mip it
+// is sampled once.
+fn eigen_texture(material: u32, group: u32, footprint: Footprint, rows: vec2<u32>, fine: u32) -> Eigen {
     let coarsest = materials[material].mip_count - 1u;
-    let fine = page_table[rows.x + 1u + group];
     let fine_mip = max(footprint.mip, fine >> 27u);
     var result = eigen_mip(material, group, footprint, fine, fine_mip);
     if footprint.blend > 0.0 {

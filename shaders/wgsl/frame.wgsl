@@ -25,14 +25,10 @@ struct Frame {
     // How many slots a row and a layer of the page cache have.
     slot_columns: u32,
     layer_slots: u32,
-    // 1 while the weight of any slot is below one.
-    fading: u32,
     // Pixels of the picture that is shown, per pixel of this one; less than one for pictures that only vote.
     pixel_scale: f32,
     // 1 if shading is to count what it fetches.
     count_work: u32,
-    pad_x: u32,
-    pad: vec2<u32>,
 }
 
 const NONE: u32 = 0xffffffffu;

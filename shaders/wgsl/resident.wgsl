@@ -30,8 +30,8 @@ fn groups_that_matter(rows: vec2<u32>) -> u32 {
     return NONE;
 }
 
-fn has_page(rows: vec2<u32>, group: u32) -> bool {
-    return true;
+fn page_entry(rows: vec2<u32>, group: u32) -> u32 {
+    return page_address(rows.x + group);
 }
 
 struct Eigen {
@@ -39,8 +39,8 @@ struct Eigen {
     shown: f32,
 }
 
-fn eigen_texture(material: u32, group: u32, footprint: Footprint, rows: vec2<u32>) -> Eigen {
-    var texture = page_texel(material, footprint, page_address(rows.x + group), footprint.mip);
+fn eigen_texture(material: u32, group: u32, footprint: Footprint, rows: vec2<u32>, fine: u32) -> Eigen {
+    var texture = page_texel(material, footprint, fine, footprint.mip);
     let coarser = min(footprint.mip + 1u, materials[material].mip_count - 1u);
     if footprint.blend > 0.0 && coarser != footprint.mip {
         let other = page_texel(material, footprint, page_address(rows.y + group), coarser);

@@ -117,7 +117,8 @@ impl Default for Budgets {
             page_cache_bytes: 256 << 20,
             column_cache_bytes: 128 << 20,
             host_bytes: 256 << 20,
-            uploads_per_frame: 64,
+            // Requests take two frames at least: as many as can be in flight come in that time.
+            uploads_per_frame: 32,
             // Without threads a frame decodes itself: some 3 ms of pages.
             decodes_per_frame: if cfg!(target_arch = "wasm32") { 8 } else { 64 },
             requests_in_flight: 64,

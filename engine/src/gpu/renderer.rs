@@ -42,6 +42,8 @@ pub struct Renderer {
     pub(super) placed: Vec<(usize, PageId)>,
     /// What there is to shade is known.
     pub(super) classified: bool,
+    /// Weights of slots are below one, as they were written last.
+    fading: bool,
     /// What measurements compare with.
     pub(super) resident: Option<Resident>,
 }
@@ -86,6 +88,7 @@ impl Renderer {
             waiting: Vec::new(),
             placed: Vec::new(),
             classified: false,
+            fading: false,
             resident: None,
         })
     }
@@ -332,7 +335,7 @@ impl Renderer {
         if fade.step() {
             slot_weights.write(&self.context, fade);
         }
-        self.frame.fading = fade.active().into();
+        self.fading = fade.active();
         let queue = &self.context.queue;
         page_table.flush(|first, entries| {
             queue.write_buffer(
@@ -381,7 +384,7 @@ impl Renderer {
             Some(resident) => resident.shade(),
             None => (&self.passes.shade, [&groups.scene, &groups.caches, &groups.shade]),
         };
-        shade.encode(&mut encoder, &self.targets, bound, timestamps);
+        shade.encode(&mut encoder, &self.targets, bound, self.fading, timestamps);
         let timestamps = self.timers.as_mut().map(|timers| timers.compute(Pass::Tonemap));
         let bound = [&groups.scene, &groups.caches, &groups.tonemap];
         self.passes.tonemap.encode(&mut encoder, size, bound, timestamps);

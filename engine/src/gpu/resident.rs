@@ -169,7 +169,6 @@ impl Renderer {
         self.frame.exposure = exposure;
         let frame = mirror::Frame {
             page_scale: resident.pages.scale(),
-            fading: 0,
             column_shift: resident.columns.rows.width_shift,
             column_mask: (1 << resident.columns.rows.width_shift) - 1,
             ..self.frame
