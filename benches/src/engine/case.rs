@@ -28,7 +28,7 @@ pub struct Plan {
     pub page_cache_bytes: u64,
     /// Bytes of the column cache, likewise.
     pub column_cache_bytes: u64,
-    /// Times that the way is gone with and without virtual textures.
+    /// Times that the way is gone with and without virtual textures, and in flight.
     pub rounds: usize,
     /// Frames in which the camera stands still.
     pub static_frames: usize,
@@ -67,7 +67,7 @@ pub struct Case {
     pub duel: Duel,
     /// The camera stands still.
     pub still: Stand,
-    /// From an empty cache that holds half of what the way wants.
+    /// From an empty cache that holds half of what the way wants; the flight of all rounds with the least median.
     pub motion: Motion,
     /// Work that was not needed.
     pub skipped: Skipped,
@@ -141,8 +141,15 @@ pub fn measure(subject: &Subject, plan: &Plan, progress: &dyn Fn(&str)) -> Resul
         column_cache_bytes: columns,
         ..*plan
     };
-    let mut engine = start(context, subject, &small)?;
-    let motion = Motion::measure(&mut engine, &subject.cameras)?;
+    // What else the machine does only adds to the times: the flight that took the least counts.
+    let fly = || Motion::measure(&mut start(context.clone(), subject, &small)?, &subject.cameras);
+    let mut motion = fly()?;
+    for _ in 1..plan.rounds {
+        let next = fly()?;
+        if next.cpu_ms.all < motion.cpu_ms.all {
+            motion = next;
+        }
+    }
     Ok(Case {
         name: subject.name.clone(),
         materials: subject.scene.archives().len(),
