@@ -7,7 +7,7 @@
 use std::time::Duration;
 
 use engine::{
-    frame::{Engine, FrameStats, Options},
+    frame::{Budgets, Engine, FrameStats, Options},
     gpu::{Context, PageFormat, page_cache::SLOT_BYTES, page_format::rounding_mse},
     metrics::Picture,
     stream,
@@ -59,8 +59,11 @@ fn main() -> Result<(), Failure> {
     let options = |page_format, page_cache_bytes| Options {
         size: SIZE,
         page_format,
-        page_cache_bytes,
-        column_cache_bytes: 512 << 20,
+        budgets: Budgets {
+            page_cache_bytes,
+            column_cache_bytes: 512 << 20,
+            ..Budgets::default()
+        },
         ..Default::default()
     };
     let all = options(Some(PageFormat::Half), 256 << 20);

@@ -54,8 +54,6 @@ mirror! {
         pub slot_columns: u32,
         /// Slots in a layer.
         pub layer_slots: u32,
-        /// 1 while the weight of any slot is below one.
-        pub fading: u32,
         /// Pixels of the picture that is shown, per pixel of this one.
         pub pixel_scale: f32,
         /// 1 if shading is to count what it fetches.
@@ -63,7 +61,9 @@ mirror! {
         /// 1 if pages are bytes, to be multiplied by the scales of their slots.
         pub scaled: u32,
         /// Not used.
-        pub pad: UVec2,
+        pub pad: u32,
+        /// Not used.
+        pub pads: UVec2,
     }
 }
 

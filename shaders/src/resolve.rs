@@ -57,6 +57,7 @@ embed!(
     "light",
     "material",
     "pages",
+    "resident",
     "shade",
     "stitch",
     "surface",
@@ -70,6 +71,7 @@ embed!(
 pub const CHOICES: &[(&str, &[&str])] = &[
     ("angular", &["delaunay", "hemisphere"]),
     ("slots", &["half_slots", "byte_slots"]),
+    ("textures", &["eigen", "resident"]),
 ];
 
 /// The source of a shader file with all that it imports, each file once and before its first importer.

@@ -3,10 +3,11 @@
 // Source: Schwartz, Ruiters, Klein 2013, section 4: ρ = Σ_c U_c(ωi, ωo) V_c(x), equation 5. V is sampled once per
 // group for LIGHT_BLOCK lights; directions are looked up once for all groups (`angular`, which stands for `delaunay` or
 // `hemisphere`, says how columns are interpolated there). Nothing is fetched for groups that are
-// not resident, that matter less than the error that is allowed (`page_table`, by tile), or where no light falls.
+// not resident, that matter less than the error that is allowed (by tile), or where no light falls. `textures` says where
+// pages and columns lie.
 
 #import angular
-#import eigen
+#import textures
 
 const LIGHT_BLOCK: u32 = 4u;
 
@@ -21,12 +22,10 @@ var<private> groups_absent: u32;
 fn btf_radiance(seen: Surface) -> vec4<f32> {
     let m = seen.material;
     let wanted = footprint(seen);
-    let coarser = min(wanted.mip + 1u, materials[m].mip_count - 1u);
-    let rows = vec2(page_row(m, wanted, wanted.mip), page_row(m, wanted, coarser));
-    let columns = materials[m].page_table;
+    let rows = tile_rows(m, wanted);
     // Trailing groups that have no column, or that together make less than the error that a pixel may have.
-    let present = page_table[columns];
-    let groups = min(present, page_table[rows.x]);
+    let present = groups_present(m);
+    let groups = min(present, groups_that_matter(rows));
     groups_absent = materials[m].groups - present;
     groups_left_out = present - groups;
 
@@ -49,13 +48,14 @@ fn btf_radiance(seen: Surface) -> vec4<f32> {
             continue;
         }
         for (var group = 0u; group < groups; group++) {
-            let slot = page_table[columns + 1u + group];
-            if slot == NONE || page_table[rows.x + 1u + group] == NONE {
+            let slot = column_slot(m, group);
+            let page = page_entry(rows, group);
+            if slot == NONE || page == NONE {
                 groups_absent += u32(first == 0u);
                 continue;
             }
             groups_fetched++;
-            let eigen = eigen_texture(m, group, wanted, rows);
+            let eigen = eigen_texture(m, group, wanted, rows, page);
             shown = max(shown, eigen.shown);
             for (var i = 0u; i < used; i++) {
                 radiance += block[i].factor * reflectance(slot, view, block[i], eigen.texture);

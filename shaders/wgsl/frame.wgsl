@@ -25,15 +25,14 @@ struct Frame {
     // How many slots a row and a layer of the page cache have.
     slot_columns: u32,
     layer_slots: u32,
-    // 1 while the weight of any slot is below one.
-    fading: u32,
     // Pixels of the picture that is shown, per pixel of this one; less than one for pictures that only vote.
     pixel_scale: f32,
     // 1 if shading is to count what it fetches.
     count_work: u32,
     // 1 if pages are bytes, to be multiplied by the scales of their slots.
     scaled: u32,
-    pad: vec2<u32>,
+    pad: u32,
+    pads: vec2<u32>,
 }
 
 const NONE: u32 = 0xffffffffu;

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::LazyLock;
 use std::time::Duration;
 
-use engine::frame::{Engine, Options};
+use engine::frame::{Budgets, Engine, Options};
 use engine::gpu::Context;
 use engine::metrics::Picture;
 use engine::stream::MemorySource;
@@ -30,8 +30,11 @@ fn picture(scene: &Scene, camera: &Camera) -> Picture {
     }
     let options = Options {
         size: SIZE,
-        page_cache_bytes: 32 << 20,
-        column_cache_bytes: 8 << 20,
+        budgets: Budgets {
+            page_cache_bytes: 32 << 20,
+            column_cache_bytes: 8 << 20,
+            ..Budgets::default()
+        },
         ..Options::default()
     };
     let mut engine = Engine::new(CONTEXT.clone(), scene, Box::new(source), options).unwrap();

@@ -3,7 +3,7 @@
 use std::sync::LazyLock;
 use std::time::Duration;
 
-use engine::frame::{Engine, FrameStats, Options};
+use engine::frame::{Budgets, Engine, FrameStats, Options};
 use engine::gpu::Context;
 use engine::metrics::Picture;
 use engine::reference::{FactorReflectance, Reflectance, shade};
@@ -30,8 +30,11 @@ fn engine(scene: &Scene, source: impl TileSource + 'static, options: Options) ->
 
 fn ample() -> Options {
     Options {
-        page_cache_bytes: 32 << 20,
-        column_cache_bytes: 8 << 20,
+        budgets: Budgets {
+            page_cache_bytes: 32 << 20,
+            column_cache_bytes: 8 << 20,
+            ..Budgets::default()
+        },
         ..Options::default()
     }
 }
@@ -183,10 +186,13 @@ fn small_caches_keep_their_budget_and_show_every_material() {
     // Caches for two pages and two columns, and then for ever more.
     for (pages, columns) in [(2, 2), (6, 4), (24, 8)] {
         let options = Options {
-            page_cache_bytes: pages * 72 * 72 * 8,
+            budgets: Budgets {
+                page_cache_bytes: pages * 72 * 72 * 8,
+                column_cache_bytes: columns * (25 * 25 * 3 + 25 * 3) * 8 * 2,
+                ..Budgets::default()
+            },
             // That is what they are counted in.
             page_format: Some(engine::gpu::PageFormat::Half),
-            column_cache_bytes: columns * (25 * 25 * 3 + 25 * 3) * 8 * 2,
             ..Options::default()
         };
         let mut engine = engine(&scene, folder(), options);

@@ -3,7 +3,7 @@
 use std::collections::HashSet;
 use std::time::Duration;
 
-use engine::frame::{Engine, Options};
+use engine::frame::{Budgets, Engine, Options};
 use engine::gpu::page_cache::SLOT_BYTES;
 use engine::gpu::{Context, PageFormat, ShadingWork};
 use scenes::Camera;
@@ -28,7 +28,7 @@ pub struct Plan {
     pub page_cache_bytes: u64,
     /// Bytes of the column cache, likewise.
     pub column_cache_bytes: u64,
-    /// Times that the way is gone with and without virtual textures.
+    /// Times that the way is gone with and without virtual textures, and in flight.
     pub rounds: usize,
     /// Frames in which the camera stands still.
     pub static_frames: usize,
@@ -39,8 +39,11 @@ impl Plan {
     pub(super) fn options(&self) -> Options {
         Options {
             size: self.size,
-            page_cache_bytes: self.page_cache_bytes,
-            column_cache_bytes: self.column_cache_bytes,
+            budgets: Budgets {
+                page_cache_bytes: self.page_cache_bytes,
+                column_cache_bytes: self.column_cache_bytes,
+                ..Budgets::default()
+            },
             // Budgets are slots of half floats, and all that is wanted has room.
             page_format: Some(PageFormat::Half),
             wait: false,
@@ -66,7 +69,7 @@ pub struct Case {
     pub duel: Duel,
     /// The camera stands still.
     pub still: Stand,
-    /// From an empty cache that holds half of what the way wants.
+    /// From an empty cache that holds half of what the way wants; the flight of all rounds with the least median.
     pub motion: Motion,
     /// Work that was not needed.
     pub skipped: Skipped,
@@ -140,8 +143,15 @@ pub fn measure(subject: &Subject, plan: &Plan, progress: &dyn Fn(&str)) -> Resul
         column_cache_bytes: columns,
         ..*plan
     };
-    let mut engine = start(context, subject, &small)?;
-    let motion = Motion::measure(&mut engine, &subject.cameras)?;
+    // What else the machine does only adds to the times: the flight that took the least counts.
+    let fly = || Motion::measure(&mut start(context.clone(), subject, &small)?, &subject.cameras);
+    let mut motion = fly()?;
+    for _ in 1..plan.rounds {
+        let next = fly()?;
+        if next.cpu_ms.all < motion.cpu_ms.all {
+            motion = next;
+        }
+    }
     Ok(Case {
         name: subject.name.clone(),
         materials: subject.scene.archives().len(),

@@ -36,6 +36,9 @@ pub struct Duel {
     pub resident_ms: Passes,
     /// Whether the passes are known by timestamps; otherwise they are zero.
     pub timestamps: bool,
+    /// Whether the resident one did without a page table; with one where the pages of all materials are more than can be
+    /// laid out: see [`Engine::lay_out_resident`].
+    pub without_table: bool,
     /// Ratio of frame times, virtual over resident.
     pub ratio: f64,
     /// The same as the median of the ratios of all pairs.
@@ -47,6 +50,11 @@ pub struct Duel {
 impl Duel {
     /// Measures an engine that has all that the way wants. Also gives the bytes of votes of a virtual frame, mean.
     pub(super) fn measure(engine: &mut Engine, cameras: &[Camera], rounds: usize) -> Result<(Self, f64)> {
+        let without_table = match engine.lay_out_resident() {
+            Ok(()) => true,
+            Err(engine::Error::Budget(_)) => false,
+            Err(error) => return Err(error.into()),
+        };
         let mut best = vec![[Passes::infinite(); 2]; cameras.len()];
         let mut ratios = Vec::new();
         let mut timestamps = true;
@@ -78,6 +86,7 @@ impl Duel {
             virtual_ms,
             resident_ms,
             timestamps,
+            without_table,
             ratio: virtual_ms.frame / resident_ms.frame,
             median_ratio: median(&mut ratios),
             frames_per_second: 1e3 / virtual_ms.frame,

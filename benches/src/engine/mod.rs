@@ -5,9 +5,10 @@
 //!   over the scene from an empty cache, `stand` stays where it is.
 //! - [`table`](fn@table) shows.
 //!
-//! The baseline is `engine::frame::Engine::draw_resident`: the same renderer and the same pages, all that the way wants resident,
-//! without feedback, votes, residency, streaming, stitching, and look-ahead. It still reads the page table: that cost is
-//! in both.
+//! The baseline is `engine::frame::Engine::draw_resident`: the same renderer and a copy of the same pages and columns, all that the
+//! way wants resident, where the shader computes their places; without page table, feedback, votes, residency, streaming,
+//! stitching, and look-ahead. Scenes whose pages are too many for such a copy are measured against the page table, and the
+//! report says so.
 
 mod archive;
 mod case;

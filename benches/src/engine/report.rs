@@ -33,7 +33,11 @@ fn write(text: &mut String, cases: &[Case]) -> std::fmt::Result {
         writeln!(
             text,
             "| {} | {:.2} / {:.2} | **{:.3}** | {:.3} | {} | {:.2} | {} | {} | {} |",
-            case.name,
+            if case.duel.without_table {
+                case.name.clone()
+            } else {
+                format!("{}, resident by page table", case.name)
+            },
             with.frame,
             without.frame,
             case.duel.ratio,

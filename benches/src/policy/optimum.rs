@@ -12,24 +12,8 @@ pub fn optimum(materials: &[MaterialInfo], votes: &[Vote], pages: usize) -> Vec<
     best(&forest, &view, pages)
 }
 
-/// As [`best`] of the sets that hold the first group's root of every visible material, as ours does; where there are
-/// fewer pages than that, of all sets.
-pub(super) fn best_with_roots(forest: &Forest, view: &View, pages: usize) -> Vec<f64> {
-    let mut rooted = errors(forest, view, pages, true);
-    for (rooted, free) in rooted.iter_mut().zip(best(forest, view, pages)) {
-        if *rooted == f64::INFINITY {
-            *rooted = free;
-        }
-    }
-    rooted
-}
-
+/// As [`optimum`].
 pub(super) fn best(forest: &Forest, view: &View, pages: usize) -> Vec<f64> {
-    errors(forest, view, pages, false)
-}
-
-/// The least error by number of pages; infinite where `rooted` asks for more.
-fn errors(forest: &Forest, view: &View, pages: usize, rooted: bool) -> Vec<f64> {
     let mut all = vec![0.0];
     let mut whole = 0.0;
     for (material, tree) in forest.trees.iter().enumerate() {
@@ -47,11 +31,7 @@ fn errors(forest: &Forest, view: &View, pages: usize, rooted: bool) -> Vec<f64> 
                     .chain(below.into_iter().map(|sum| sum + gain))
                     .collect();
             }
-            let mut gains = gains.into_iter().next().unwrap_or_default();
-            if rooted && group == 0 && gains.len() > 1 {
-                gains[0] = f64::NEG_INFINITY;
-            }
-            all = join(&all, &gains, pages);
+            all = join(&all, &gains.into_iter().next().unwrap_or_default(), pages);
         }
     }
     let last = all.last().copied().unwrap_or(0.0);

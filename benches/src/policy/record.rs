@@ -1,6 +1,6 @@
 //! Traces of real scenes, recorded with the engine.
 
-use engine::frame::{Engine, Options};
+use engine::frame::{Budgets, Engine, Options};
 use engine::gpu::Context;
 use engine::stream::TileSource;
 use scenes::{Camera, Scene};
@@ -29,8 +29,11 @@ pub fn record(
 ) -> Result<Trace> {
     let options = Options {
         size,
-        page_cache_bytes: CACHE_BYTES,
-        column_cache_bytes: CACHE_BYTES,
+        budgets: Budgets {
+            page_cache_bytes: CACHE_BYTES,
+            column_cache_bytes: CACHE_BYTES,
+            ..Budgets::default()
+        },
         ..Options::default()
     };
     let phases = options.feedback_stride * options.feedback_stride;

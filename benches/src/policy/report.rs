@@ -17,18 +17,11 @@ fn of(results: &Results, policy: Policy) -> impl Iterator<Item = &Point> {
 /// A table in Markdown: a row for each budget.
 pub fn table(results: &Results) -> String {
     let mut text = String::from(
-        "| pages | share of wanted | optimum | with all roots | Eigentile | to optimum | with all roots | plain formulas | least recently used | moving: Eigentile | plain formulas | least recently used | loads: Eigentile | plain formulas | least recently used |\n|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|\n",
+        "| pages | share of wanted | optimum | Eigentile | above | plain formulas | least recently used | moving: Eigentile | plain formulas | least recently used | loads: Eigentile | plain formulas | least recently used |\n|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|\n",
     );
-    let columns = [
-        Policy::Optimum,
-        Policy::Rooted,
-        Policy::Ours,
-        Policy::Paper,
-        Policy::Recency,
-    ]
-    .map(|policy| of(results, policy));
-    let [best, rooted, ours, paper, recency] = columns;
-    for ((((best, rooted), ours), paper), recency) in best.zip(rooted).zip(ours).zip(paper).zip(recency) {
+    let columns = [Policy::Optimum, Policy::Ours, Policy::Paper, Policy::Recency];
+    let [best, ours, paper, recency] = columns.map(|policy| of(results, policy));
+    for (((best, ours), paper), recency) in best.zip(ours).zip(paper).zip(recency) {
         let moving = |point: &Point| {
             point
                 .moving_rms
@@ -39,23 +32,19 @@ pub fn table(results: &Results) -> String {
                 .moving_loads
                 .map_or_else(String::new, |loads| loads.to_string())
         };
-        let above = |best: &Point| {
-            if best.settled_rms > 1e-9 {
-                let ratio = ours.settled_rms / best.settled_rms;
-                format!("+{:.2} %", 100.0 * (ratio - 1.0).max(0.0))
-            } else {
-                "both 0".into()
-            }
+        let above = if best.settled_rms > 1e-9 {
+            let ratio = ours.settled_rms / best.settled_rms;
+            format!("+{:.2} %", 100.0 * (ratio - 1.0).max(0.0))
+        } else {
+            "both 0".into()
         };
         text += &format!(
-            "| {} | {:.0} % | {:.4} | {:.4} | {:.4} | {} | {} | {:.4} | {:.4} | {} | {} | {} | {} | {} | {} |\n",
+            "| {} | {:.0} % | {:.4} | {:.4} | {} | {:.4} | {:.4} | {} | {} | {} | {} | {} | {} |\n",
             best.pages,
             100.0 * best.pages as f64 / results.pages_wanted.max(1.0),
             best.settled_rms,
-            rooted.settled_rms,
             ours.settled_rms,
-            above(best),
-            above(rooted),
+            above,
             paper.settled_rms,
             recency.settled_rms,
             moving(ours),

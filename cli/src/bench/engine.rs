@@ -32,7 +32,7 @@ pub(crate) struct Arguments {
     /// Views along the path.
     #[arg(long, value_name = "N", default_value_t = 12)]
     frames: usize,
-    /// Times that the path is gone, with and without virtual textures.
+    /// Times that the path is gone, with and without virtual textures, and in flight.
     #[arg(long, value_name = "N", default_value_t = 3)]
     rounds: usize,
     /// Frames in which the camera stands still.
@@ -52,9 +52,10 @@ Examples:
   eigentile bench engine --json > benches/results/engine.json
   eigentile bench engine scenes/tori/scene.gltf --tiles scenes/tiles --camera scenes/tori/camera.json --size 1280x720
 
-Virtual is a whole frame. Resident is the same renderer with the same pages, all that the path wants in the cache, without
-feedback, votes, decisions, streaming and border stitching; it still reads the page table. Both are drawn alternately; of
-each view the fastest of all rounds counts. Passes are timed on the GPU where it has timestamps.";
+Virtual is a whole frame. Resident is the same renderer with a copy of the same pages and columns, all that the path wants,
+where the shader computes their places: without page table, feedback, votes, decisions, streaming and border stitching.
+Where all pages of the scene take more than 1 GiB, it reads the page table instead, and the table says so. Both are drawn
+alternately; of each view the fastest of all rounds counts. Passes are timed on the GPU where it has timestamps.";
 
 /// Materials of the scenes that are made.
 const MATERIALS: [usize; 3] = [1, 10, 100];

@@ -65,8 +65,8 @@ Examples:
   eigentile bench policy scenes/tori/scene.gltf --tiles scenes/tiles --camera scenes/tori/camera.json --record tori.jsonl
 
 Columns: error predicted for what is resident (root mean square of reflectance) when the camera stands still and all is
-settled, of the best choice that there is, of the best with a root for every visible material, of ours, of the formulas of Schwartz, Ruiters and Klein 2013 as they stand, and
-of the least recently used; the same over all frames of the moving camera; and pages loaded on the way. Columns of
+settled, of the best choice that there is, of ours, of the formulas of Schwartz, Ruiters and Klein 2013 as they stand,
+and of the least recently used; the same over all frames of the moving camera; and pages loaded on the way. Columns of
 eigen-ABRDFs are given to all. A trace is a line of JSON with the materials, and one for each frame: [[material, tile, pixels], …].";
 
 /// Most slots that a cache is measured with: the exact optimum takes time and memory by it.

@@ -11,7 +11,7 @@ use std::time::Duration;
 use anyhow::{Context as _, Result, bail, ensure};
 use clap::Args;
 use engine::angular::Angular;
-use engine::frame::{Counters, Engine, FrameStats, Options};
+use engine::frame::{Budgets, Counters, Engine, FrameStats, Options};
 use engine::gpu::{Context, PageFormat};
 use engine::stream;
 use scenes::{Camera, CameraPath, Scene};
@@ -221,8 +221,11 @@ pub(crate) fn budgeted(size: (u32, u32), cache_bytes: u64) -> Options {
     let column_cache_bytes = cache_bytes / 3;
     Options {
         size,
-        page_cache_bytes: cache_bytes - column_cache_bytes,
-        column_cache_bytes,
+        budgets: Budgets {
+            page_cache_bytes: cache_bytes - column_cache_bytes,
+            column_cache_bytes,
+            ..Budgets::default()
+        },
         ..Options::default()
     }
 }
@@ -332,7 +335,10 @@ mod tests {
     fn the_whole_cache_is_given_to_pages_and_columns() {
         for cache in [1, 16 << 20, u64::MAX] {
             let options = budgeted((1, 1), cache);
-            assert_eq!(options.page_cache_bytes + options.column_cache_bytes, cache);
+            assert_eq!(
+                options.budgets.page_cache_bytes + options.budgets.column_cache_bytes,
+                cache
+            );
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use std::{sync::Arc, time::Duration};
 
-use super::{Budgets, Engine};
+use super::{Budgets, Engine, Options};
 use crate::{
     Result,
     angular::Angular,
@@ -17,7 +17,7 @@ type Moves = Vec<(Slot, Slot)>;
 impl Engine {
     /// What may be used of each resource.
     pub fn budgets(&self) -> Budgets {
-        self.options.budgets()
+        self.options.budgets
     }
 
     /// Changes the budgets, at once. What stays in the caches on the GPU is copied there; what has no room any more goes,
@@ -29,10 +29,13 @@ impl Engine {
     /// [`crate::Error::Budget`] for budgets that cannot work with the materials that are known; then all stays as it is.
     /// [`crate::Error::Adapter`] if the device fails.
     pub fn set_budgets(&mut self, budgets: Budgets) -> Result<()> {
-        let options = self.options.clone().with_budgets(budgets);
+        let options = Options {
+            budgets,
+            ..self.options.clone()
+        };
         options.check()?;
         let quads = self.column_quads();
-        let page_format = self.choose_format(options.page_cache_bytes, quads)?;
+        let page_format = self.choose_format(options.budgets.page_cache_bytes, quads)?;
         let caches = Caches {
             page_format,
             ..options.caches()
@@ -106,7 +109,7 @@ impl Engine {
             page_slots,
             column_slots,
             in_flight: self.in_flight_limit(),
-            bytes_in_flight: self.options.bytes_in_flight,
+            bytes_in_flight: self.options.budgets.bytes_in_flight,
         });
         self.records
             .cancel(&resized.cancel, &self.btfs, &mut *self.source, &mut self.counters);
@@ -135,8 +138,9 @@ impl Engine {
 
     /// What waits to be decoded takes at most a quarter of the host's memory: a record and a page each.
     fn in_flight_limit(&self) -> usize {
-        let host = self.options.host_bytes / 4 / (2 * PAGE_BYTES);
+        let host = self.options.budgets.host_bytes / 4 / (2 * PAGE_BYTES);
         self.options
+            .budgets
             .requests_in_flight
             .min(self.source.capacity())
             .min(usize::try_from(host).unwrap_or(usize::MAX))

@@ -6,7 +6,7 @@ use super::{Engine, phases::material_info};
 use crate::{
     Error, Result,
     gpu::GpuMilliseconds,
-    residency::{MaterialInfo, Vote},
+    residency::{Item, MaterialInfo, Vote},
 };
 
 impl Engine {
@@ -21,10 +21,31 @@ impl Engine {
         self.btfs.iter().map(|btf| material_info(btf))
     }
 
-    /// Draws what a camera sees with what is resident, and does nothing else: visibility, classification, shading and
-    /// tone mapping. No votes are asked for, nothing is decided, fetched, decoded, placed or faded. With all that is
-    /// wanted resident it is the renderer without virtual textures, but for the page table, which is still read. The next
-    /// [`Engine::frame`] sees a new view.
+    /// Copies all that is resident to where a renderer without virtual textures would have it: caches with a place for
+    /// each page and column of each material, which the shader computes. [`Engine::draw_resident`] draws from there until
+    /// the size of the picture, the caches or the known materials change.
+    ///
+    /// # Errors
+    /// [`Error::Budget`] if all pages of all materials take more than a gibibyte, or more array layers than the adapter
+    /// has; [`Error::Adapter`] if the device fails.
+    pub fn lay_out_resident(&mut self) -> Result<()> {
+        let resident = self.residency.resident();
+        let pages = resident.iter().filter_map(|&(item, slot)| match item {
+            Item::Page(material, page) => Some((material.0.into(), page, slot)),
+            Item::Column(..) => None,
+        });
+        let columns = resident.iter().filter_map(|&(item, slot)| match item {
+            Item::Column(material, group) => Some((material.0.into(), group, slot)),
+            Item::Page(..) => None,
+        });
+        let btf_of = self.archives.btf_of_material();
+        self.renderer.lay_out_resident(pages, columns, &btf_of)
+    }
+
+    /// Draws what a camera sees with what [`Engine::lay_out_resident`] has copied, and does nothing else: visibility,
+    /// classification, shading of all component groups without a page table, and tone mapping. No votes are asked for,
+    /// nothing is decided, fetched, decoded, placed or faded. If nothing was copied, what is resident is drawn, by the page
+    /// table. The next [`Engine::frame`] sees a new view.
     ///
     /// # Errors
     /// [`Error::Scene`] for an unusable camera, [`Error::Adapter`] if the device fails.
@@ -33,7 +54,7 @@ impl Engine {
             return Err(Error::Scene(format!("the camera {problem}")));
         }
         self.renderer.look(Some(camera), None);
-        self.renderer.draw(self.options.exposure_stops.exp2());
+        self.renderer.draw_resident(self.options.exposure_stops.exp2());
         // The ids that are there are not those of the last frame.
         self.camera = None;
         self.changed = true;

@@ -33,6 +33,30 @@ pub struct Budgets {
     pub bytes_in_flight: u64,
 }
 
+impl Budgets {
+    fn check(&self) -> Result<()> {
+        let wrong = |text: String| Err(Error::Budget(text));
+        if self.host_bytes < MIN_HOST_BYTES {
+            return wrong(format!(
+                "{} bytes of host memory: at least {MIN_HOST_BYTES} are needed",
+                self.host_bytes
+            ));
+        }
+        let counts = [
+            self.uploads_per_frame,
+            self.decodes_per_frame,
+            self.requests_in_flight,
+        ];
+        if counts.contains(&0) || self.bytes_in_flight == 0 {
+            return wrong(
+                "uploads and decodes in a frame, requests and bytes in flight must be at least one each"
+                    .into(),
+            );
+        }
+        Ok(())
+    }
+}
+
 /// Where pages are made of what entropy decoding leaves, which is always the workers'.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Decode {
@@ -63,20 +87,8 @@ impl Decode {
 pub struct Options {
     /// Width and height of the picture, pixels.
     pub size: (u32, u32),
-    /// Bytes of the GPU page cache; rounded down to whole slots, at least one.
-    pub page_cache_bytes: u64,
-    /// Bytes of the GPU column cache; rounded down to whole slots.
-    pub column_cache_bytes: u64,
-    /// Bytes of host memory for compressed records and decoded parents, at least [`MIN_HOST_BYTES`].
-    pub host_bytes: u64,
-    /// Most pages and columns uploaded in one frame, at least one.
-    pub uploads_per_frame: usize,
-    /// See [`Budgets::decodes_per_frame`].
-    pub decodes_per_frame: usize,
-    /// Most records asked for and not yet placed, at least one; the source may allow fewer.
-    pub requests_in_flight: usize,
-    /// Most bytes asked of the source and not yet here, at least one; a single record may take more.
-    pub bytes_in_flight: u64,
+    /// What may be used of each resource.
+    pub budgets: Budgets,
     /// How far ahead of a moving camera pages are fetched, in seconds, at most [`MAX_PREFETCH_SECONDS`]; 0 for not at
     /// all.
     pub prefetch_seconds: f32,
@@ -103,18 +115,27 @@ pub struct Options {
     pub wait: bool,
 }
 
-impl Default for Options {
+impl Default for Budgets {
     fn default() -> Self {
         Self {
-            size: (1280, 720),
             page_cache_bytes: 256 << 20,
             column_cache_bytes: 128 << 20,
             host_bytes: 256 << 20,
-            uploads_per_frame: 64,
+            // Requests take two frames at least: as many as can be in flight come in that time.
+            uploads_per_frame: 32,
             // Without threads a frame decodes itself: some 3 ms of pages.
             decodes_per_frame: if cfg!(target_arch = "wasm32") { 8 } else { 64 },
             requests_in_flight: 64,
             bytes_in_flight: 16 << 20,
+        }
+    }
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            size: (1280, 720),
+            budgets: Budgets::default(),
             prefetch_seconds: 0.3,
             exposure_stops: 0.0,
             feedback_stride: 4,
@@ -129,25 +150,12 @@ impl Default for Options {
 }
 
 impl Options {
-    /// The budgets among them.
-    pub fn budgets(&self) -> Budgets {
-        Budgets {
-            page_cache_bytes: self.page_cache_bytes,
-            column_cache_bytes: self.column_cache_bytes,
-            host_bytes: self.host_bytes,
-            uploads_per_frame: self.uploads_per_frame,
-            decodes_per_frame: self.decodes_per_frame,
-            requests_in_flight: self.requests_in_flight,
-            bytes_in_flight: self.bytes_in_flight,
-        }
-    }
-
     /// Bytes of the caches on the GPU.
     pub(super) fn caches(&self) -> Caches {
         Caches {
-            page_bytes: self.page_cache_bytes,
+            page_bytes: self.budgets.page_cache_bytes,
             page_format: self.page_format.unwrap_or_default(),
-            column_bytes: self.column_cache_bytes,
+            column_bytes: self.budgets.column_cache_bytes,
             angular: self.angular,
         }
     }
@@ -165,52 +173,13 @@ impl Options {
         }
     }
 
-    /// The same choices with other budgets.
-    pub fn with_budgets(self, budgets: Budgets) -> Self {
-        let Budgets {
-            page_cache_bytes,
-            column_cache_bytes,
-            host_bytes,
-            uploads_per_frame,
-            decodes_per_frame,
-            requests_in_flight,
-            bytes_in_flight,
-        } = budgets;
-        Self {
-            page_cache_bytes,
-            column_cache_bytes,
-            host_bytes,
-            uploads_per_frame,
-            decodes_per_frame,
-            requests_in_flight,
-            bytes_in_flight,
-            ..self
-        }
-    }
-
     pub(super) fn check(&self) -> Result<()> {
+        self.budgets.check()?;
         let wrong = |text: String| Err(Error::Budget(text));
         if (self.decode_on, self.page_format) == (Decode::Gpu, Some(PageFormat::Byte)) {
             return wrong(
                 "the GPU cannot decode pages for a cache of bytes, which does not hold their exact parents: \
                  choose half floats, or to decode on the CPU"
-                    .into(),
-            );
-        }
-        if self.host_bytes < MIN_HOST_BYTES {
-            return wrong(format!(
-                "{} bytes of host memory: at least {MIN_HOST_BYTES} are needed",
-                self.host_bytes
-            ));
-        }
-        let counts = [
-            self.uploads_per_frame,
-            self.decodes_per_frame,
-            self.requests_in_flight,
-        ];
-        if counts.contains(&0) || self.bytes_in_flight == 0 {
-            return wrong(
-                "uploads and decodes in a frame, requests and bytes in flight must be at least one each"
                     .into(),
             );
         }

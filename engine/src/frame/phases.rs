@@ -76,7 +76,7 @@ impl Engine {
     pub(super) fn learn(&mut self) -> Result<()> {
         let mut read = self
             .archives
-            .take_read(self.options.decodes_per_frame, &mut self.problems);
+            .take_read(self.options.budgets.decodes_per_frame, &mut self.problems);
         if read.is_empty() {
             return Ok(());
         }
@@ -102,7 +102,7 @@ impl Engine {
             });
             self.btfs.push(btf.into());
         }
-        let format = self.choose_format(self.options.page_cache_bytes, self.column_quads())?;
+        let format = self.choose_format(self.options.budgets.page_cache_bytes, self.column_quads())?;
         self.set_format(format)?;
         self.resize_caches()?;
         self.renderer.show_btfs(&self.archives.btf_of_material())?;

@@ -195,9 +195,9 @@ impl Records {
                 return self.give_up(item);
             }
         };
-        let what = name(item, btfs);
+        let archive = &btf_of(item, btfs).archive;
         let checked = record_of(item, btfs)
-            .and_then(|record| Ok(btf_of(item, btfs).index.verify(&what, record, &bytes)?));
+            .and_then(|record| Ok(btf_of(item, btfs).index.verify(archive, record, &bytes)?));
         if let Err(error) = checked {
             counters.records_damaged += 1;
             let attempts = self.damaged.entry(item).or_default();
@@ -205,6 +205,7 @@ impl Records {
             if *attempts < ATTEMPTS {
                 return self.queue.push_front(item);
             }
+            let what = name(item, btfs);
             problems.add(format!("{what}: damaged {attempts} times in a row: {error}"));
             return self.give_up(item);
         }

@@ -177,6 +177,17 @@ pub(super) fn pipeline(
     entry_point: &str,
     groups: &[&wgpu::BindGroupLayout],
 ) -> wgpu::ComputePipeline {
+    variation(context, module, entry_point, groups, &[])
+}
+
+/// The same with values for override constants.
+pub(super) fn variation(
+    context: &Context,
+    module: &wgpu::ShaderModule,
+    entry_point: &str,
+    groups: &[&wgpu::BindGroupLayout],
+    constants: &[(&str, f64)],
+) -> wgpu::ComputePipeline {
     let groups: Vec<_> = groups.iter().copied().map(Some).collect();
     let layout = context
         .device
@@ -192,7 +203,10 @@ pub(super) fn pipeline(
             layout: Some(&layout),
             module,
             entry_point: Some(entry_point),
-            compilation_options: Default::default(),
+            compilation_options: wgpu::PipelineCompilationOptions {
+                constants,
+                ..Default::default()
+            },
             cache: None,
         })
 }

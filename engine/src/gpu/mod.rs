@@ -7,7 +7,7 @@
 //! materials), the caches (group 1: [`page_table`], [`page_cache`], [`column_cache`], directions) and what a pass reads
 //! and writes (group 2). [`Renderer`] owns all of it: `look` has what draws ids and asks for votes, `outputs` what reads
 //! back. [`cutoff`] says which component groups matter, [`fade`] how new pages come in, [`page_format`] what a texel of the page
-//! cache is. Nothing here decides what is
+//! cache is. `resident` is what measurements compare with: the same without a page table. Nothing here decides what is
 //! resident. Meshes and lights may hold anything: what then is drawn is written down in `finite.wgsl`.
 //!
 //! Stays within the default limits of WebGPU: 4 bind groups, 8 storage buffers in a stage, 128 MiB bindings. Only
@@ -32,6 +32,7 @@ pub mod page_format;
 pub mod page_table;
 mod readback;
 mod renderer;
+mod resident;
 mod resources;
 pub mod shade;
 mod slot_scales;

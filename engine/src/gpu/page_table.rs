@@ -117,6 +117,11 @@ impl PageTable {
         self.regions[btf].pyramid
     }
 
+    /// The parts of all BTFs.
+    pub fn regions(&self) -> &[Region] {
+        &self.regions
+    }
+
     /// Enters a column's slot, or takes it out.
     pub fn set_column(&mut self, btf: usize, group: u16, address: Option<u32>) {
         let region = self.regions[btf];

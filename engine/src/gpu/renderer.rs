@@ -12,8 +12,9 @@ use super::{
     materials::Btf,
     page_format::{self, PageFormat},
     readback,
+    resident::Resident,
     resources::{Caches, Groups, Layout, Materials, Passes, Shading},
-    shade::{Shade, ShadingWork},
+    shade::{Shade, ShadingWork, Textures},
     stitch::{self, Stitch},
     targets::{Targets, WORK_HEADER_BYTES},
     timers::{Pass, Timers},
@@ -42,6 +43,10 @@ pub struct Renderer {
     pub(super) placed: Vec<(usize, PageId)>,
     /// What there is to shade is known.
     pub(super) classified: bool,
+    /// Weights of slots are below one, as they were written last.
+    fading: bool,
+    /// What measurements compare with.
+    pub(super) resident: Option<Resident>,
 }
 
 impl Renderer {
@@ -84,6 +89,8 @@ impl Renderer {
             waiting: Vec::new(),
             placed: Vec::new(),
             classified: false,
+            fading: false,
+            resident: None,
         })
     }
 
@@ -141,7 +148,13 @@ impl Renderer {
             self.decode_waiting();
             if layout.columns.angular != old.columns.angular {
                 let Passes { scene, caches, .. } = &self.passes;
-                self.passes.shade = Shade::new(&self.context, scene, caches, layout.columns.angular)?;
+                self.passes.shade = Shade::new(
+                    &self.context,
+                    scene,
+                    caches,
+                    layout.columns.angular,
+                    Textures::Virtual,
+                )?;
             }
             if layout.page_format != old.page_format {
                 self.passes.stitch = Stitch::new(&self.context, layout.page_format)?;
@@ -172,6 +185,7 @@ impl Renderer {
             [&self.frame_buffer, &self.ahead_frame_buffer],
         );
         self.classified = false;
+        self.resident = None;
         let Materials { pages, columns, .. } = &self.materials;
         self.frame.page_scale = pages.scale();
         self.frame.scaled = (pages.format == PageFormat::Byte).into();
@@ -207,6 +221,7 @@ impl Renderer {
             + self.passes.stitch.bytes()
             + self.decode.as_ref().map_or(0, Decode::bytes)
             + self.materials.bytes()
+            + self.resident.as_ref().map_or(0, Resident::bytes)
     }
 
     /// Writes a page into a slot and enters it into the page table. What its border holds counts only where a
@@ -338,7 +353,7 @@ impl Renderer {
         if fade.step() {
             slot_weights.write(&self.context, fade);
         }
-        self.frame.fading = fade.active().into();
+        self.fading = fade.active();
         let queue = &self.context.queue;
         page_table.flush(|first, entries| {
             queue.write_buffer(
@@ -372,6 +387,12 @@ impl Renderer {
     pub fn draw(&mut self, exposure: f32) {
         self.frame.exposure = exposure;
         self.write_frame();
+        self.encode_picture(None);
+    }
+
+    /// The commands of [`Renderer::draw`], with the frame that the buffer holds; `resident` draws what it holds instead of
+    /// what the caches do.
+    pub(super) fn encode_picture(&mut self, resident: Option<&Resident>) {
         let mut encoder = self.context.device.create_command_encoder(&Default::default());
         let (size, groups) = (self.targets.size, &self.groups);
         if !self.classified {
@@ -382,10 +403,11 @@ impl Renderer {
             self.classified = true;
         }
         let timestamps = self.timers.as_mut().map(|timers| timers.compute(Pass::Shade));
-        let bound = [&groups.scene, &groups.caches, &groups.shade];
-        self.passes
-            .shade
-            .encode(&mut encoder, &self.targets, bound, timestamps);
+        let (shade, bound) = match resident {
+            Some(resident) => resident.shade(),
+            None => (&self.passes.shade, [&groups.scene, &groups.caches, &groups.shade]),
+        };
+        shade.encode(&mut encoder, &self.targets, bound, self.fading, timestamps);
         let timestamps = self.timers.as_mut().map(|timers| timers.compute(Pass::Tonemap));
         let bound = [&groups.scene, &groups.caches, &groups.tonemap];
         self.passes.tonemap.encode(&mut encoder, size, bound, timestamps);

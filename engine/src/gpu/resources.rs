@@ -17,7 +17,7 @@ use super::{
     page_cache::{Grid, PageCache},
     page_format::PageFormat,
     page_table::{PageTable, Region},
-    shade::Shade,
+    shade::{Shade, Textures},
     slot_scales::SlotScales,
     stitch::{Stitch, StitchGroups},
     targets::Targets,
@@ -27,7 +27,7 @@ use super::{
 use crate::{Result, angular::Angular, residency::Slot};
 
 /// Reflectance of BTFs whose archives are not known yet.
-const UNKNOWN: Vec3 = Vec3::splat(0.18);
+pub(super) const UNKNOWN: Vec3 = Vec3::splat(0.18);
 
 /// Budgets of the caches, and what lies in them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -181,7 +181,7 @@ impl Passes {
             visibility: Visibility::new(context, &scene)?,
             feedback: Feedback::new(context, &scene, &caches)?,
             classify: Classify::new(context, &scene)?,
-            shade: Shade::new(context, &scene, &caches, Angular::default())?,
+            shade: Shade::new(context, &scene, &caches, Angular::default(), Textures::Virtual)?,
             tonemap: Tonemap::new(context, &scene, &caches)?,
             stitch: Stitch::new(context, PageFormat::default())?,
             scene,
@@ -339,31 +339,11 @@ impl Groups {
         materials: &Materials,
         [frame, ahead_frame]: [&wgpu::Buffer; 2],
     ) -> Self {
-        use wgpu::BindingResource::{Sampler, TextureView};
-        let scene = |frame| {
-            let buffers = [
-                frame,
-                &geometry.vertices,
-                &geometry.indices,
-                &geometry.instances,
-                &materials.table,
-                &geometry.lights,
-            ];
-            let resources = buffers.map(wgpu::Buffer::as_entire_binding);
-            bind::group(context, "scene", &passes.scene, &resources)
-        };
-        let caches = [
-            materials.page_table_buffer.buffer.as_entire_binding(),
-            materials.directions.buffer.as_entire_binding(),
-            TextureView(&materials.pages.view),
-            Sampler(&materials.pages.sampler),
-            TextureView(&materials.slot_weights.view),
-            TextureView(&materials.slot_scales.view),
-        ];
+        let scene = |frame| Self::scene(context, passes, frame, geometry, &materials.table);
         Self {
             scene: scene(frame),
             ahead_scene: scene(ahead_frame),
-            caches: bind::group(context, "caches", &passes.caches, &caches),
+            caches: Self::caches(context, passes, materials, &materials.pages),
             feedback: passes.feedback.bind(context, &targets.ids),
             ahead_feedback: passes.feedback.bind(context, &targets.ahead),
             classify: passes.classify.bind(context, targets),
@@ -371,5 +351,44 @@ impl Groups {
             tonemap: passes.tonemap.bind(context, targets),
             stitch: passes.stitch.bind(context, &materials.pages),
         }
+    }
+
+    /// The scene with a table of materials.
+    pub(super) fn scene(
+        context: &Context,
+        passes: &Passes,
+        frame: &wgpu::Buffer,
+        geometry: &Geometry,
+        table: &wgpu::Buffer,
+    ) -> wgpu::BindGroup {
+        let buffers = [
+            frame,
+            &geometry.vertices,
+            &geometry.indices,
+            &geometry.instances,
+            table,
+            &geometry.lights,
+        ];
+        let resources = buffers.map(wgpu::Buffer::as_entire_binding);
+        bind::group(context, "scene", &passes.scene, &resources)
+    }
+
+    /// The tables with a cache of pages.
+    pub(super) fn caches(
+        context: &Context,
+        passes: &Passes,
+        materials: &Materials,
+        pages: &PageCache,
+    ) -> wgpu::BindGroup {
+        use wgpu::BindingResource::{Sampler, TextureView};
+        let resources = [
+            materials.page_table_buffer.buffer.as_entire_binding(),
+            materials.directions.buffer.as_entire_binding(),
+            TextureView(&pages.view),
+            Sampler(&pages.sampler),
+            TextureView(&materials.slot_weights.view),
+            TextureView(&materials.slot_scales.view),
+        ];
+        bind::group(context, "caches", &passes.caches, &resources)
     }
 }

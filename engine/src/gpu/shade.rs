@@ -30,9 +30,19 @@ pub struct ShadingWork {
     pub groups_absent: u32,
 }
 
+/// How pages and columns are found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Textures {
+    /// By the page table.
+    Virtual,
+    /// By arithmetic; see [`super::resident`].
+    Resident,
+}
+
 /// The pass.
 pub(super) struct Shade {
-    pipelines: Vec<wgpu::ComputePipeline>,
+    /// By kind of item, while nothing fades and while something does.
+    pipelines: Vec<[wgpu::ComputePipeline; 2]>,
     layout: wgpu::BindGroupLayout,
 }
 
@@ -42,6 +52,7 @@ impl Shade {
         scene: &wgpu::BindGroupLayout,
         caches: &wgpu::BindGroupLayout,
         angular: Angular,
+        textures: Textures,
     ) -> Result<Self> {
         let (columns, file) = match angular {
             Angular::Delaunay => (Binding::Words, "delaunay"),
@@ -54,8 +65,15 @@ impl Shade {
             columns,
         ];
         let layout = bind::layout(context, "shade", wgpu::ShaderStages::COMPUTE, &bindings);
-        let module = bind::variant(context, "shade", &[("angular", file)])?;
-        let pipelines = KINDS.map(|kind| bind::pipeline(context, &module, kind, &[scene, caches, &layout]));
+        let (textures, constants): (_, &[&[(&str, f64)]]) = match textures {
+            Textures::Virtual => ("eigen", &[&[("fading", 0.0)], &[("fading", 1.0)]]),
+            Textures::Resident => ("resident", &[&[], &[]]),
+        };
+        let module = bind::variant(context, "shade", &[("angular", file), ("textures", textures)])?;
+        let groups = [scene, caches, &layout];
+        let pipelines = KINDS.map(|kind| {
+            [0, 1].map(|fading| bind::variation(context, &module, kind, &groups, constants[fading]))
+        });
         Ok(Self {
             pipelines: pipelines.into(),
             layout,
@@ -78,20 +96,21 @@ impl Shade {
         bind::group(context, "shade", &self.layout, &resources)
     }
 
-    /// Shades the items of `targets` that the classification has left there.
+    /// Shades the items of `targets` that the classification has left there. `fading`: weights of slots may be below one.
     pub(super) fn encode(
         &self,
         encoder: &mut wgpu::CommandEncoder,
         targets: &Targets,
         groups: [&wgpu::BindGroup; 3],
+        fading: bool,
         timestamp_writes: Option<wgpu::ComputePassTimestampWrites<'_>>,
     ) {
         let mut pass = bind::pass(encoder, "shade", timestamp_writes);
         for (index, group) in (0..).zip(groups) {
             pass.set_bind_group(index, group, &[]);
         }
-        for (kind, pipeline) in (0..).zip(&self.pipelines) {
-            pass.set_pipeline(pipeline);
+        for (kind, pipelines) in (0..).zip(&self.pipelines) {
+            pass.set_pipeline(&pipelines[usize::from(fading)]);
             pass.dispatch_workgroups_indirect(&targets.workgroups, kind * 12);
         }
     }

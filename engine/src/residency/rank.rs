@@ -11,7 +11,7 @@ use super::SWAP_MARGIN;
 /// its tile's index is smaller. So the lowest rank of a cache is a leaf, and no search for leaves is needed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Rank {
-    /// Root or column of a visible material's first group, while there is room for all of them.
+    /// Root or column of a visible material's first group, while there are slots enough.
     pub pinned: bool,
     /// Squared error over all pixels; not negative, finite.
     pub value: f64,

@@ -6,7 +6,7 @@ use std::cmp::Reverse;
 use rayon::prelude::*;
 
 use super::{
-    Item, MaterialId, PATIENCE, Plan, Residency, Vote,
+    Item, MaterialId, PATIENCE, Plan, Residency, SLOTS_PER_PIN, Vote,
     claim::{Claim, State, choose},
     material::Material,
     rank::{Highest, Rank},
@@ -149,15 +149,16 @@ impl Residency {
         self.find_pins();
     }
 
-    /// Whether each visible material can have the column and the root of its first group for sure.
+    /// Whether the caches have slots enough to pin the column and the root of each visible material's first group.
     pub(super) fn find_pins(&mut self) {
         let visible = self
             .materials
             .iter()
             .filter(|material| material.visible())
             .count();
-        self.pin_columns = visible <= self.columns.capacity() as usize;
-        let pin = visible <= self.pages.capacity() as usize;
+        let enough = |slots: u32| visible <= (slots / SLOTS_PER_PIN) as usize;
+        self.pin_columns = enough(self.columns.capacity());
+        let pin = enough(self.pages.capacity());
         if std::mem::replace(&mut self.pin_pages, pin) != pin {
             self.materials
                 .iter_mut()
@@ -241,7 +242,8 @@ impl Residency {
             if let Item::Column(_, group) = claim.item {
                 let material = &mut self.materials[claim.item.material()];
                 let root = material.root_rank(group, pin, &mut self.blocks);
-                (claim.rank.value, claim.rank.ahead) = (root.value, root.ahead);
+                let rank = &mut claim.rank;
+                (rank.pinned, rank.value, rank.ahead) = (root.pinned, root.value, root.ahead);
             }
         }
     }

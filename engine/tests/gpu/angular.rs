@@ -238,7 +238,10 @@ fn a_way_without_room_for_a_column_changes_nothing() {
     let (scene, camera) = still_life();
     // A column takes 58 KiB as it was sampled, 408 KiB as maps of 17² texels.
     let options = Options {
-        column_cache_bytes: 100 << 10,
+        budgets: Budgets {
+            column_cache_bytes: 100 << 10,
+            ..options((64, 36)).budgets
+        },
         ..options((64, 36))
     };
     let mut engine = engine(&scene, &[("weave", &archive)], options);
@@ -251,7 +254,7 @@ fn a_way_without_room_for_a_column_changes_nothing() {
         "{error}"
     );
     assert_eq!(engine.angular(), Angular::Delaunay);
-    let budgets = engine::frame::Budgets {
+    let budgets = Budgets {
         column_cache_bytes: 1 << 20,
         ..engine.budgets()
     };
@@ -263,7 +266,7 @@ fn a_way_without_room_for_a_column_changes_nothing() {
     settle(&mut engine, &camera);
     // Slots move to a cache of another size.
     let picture = engine.picture().unwrap();
-    let budgets = engine::frame::Budgets {
+    let budgets = Budgets {
         column_cache_bytes: 3 << 20,
         ..budgets
     };

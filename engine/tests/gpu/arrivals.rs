@@ -160,8 +160,11 @@ fn a_missing_archive_and_one_too_large_are_told_once_and_the_rest_settles() {
     scene.materials[1] = btf("large", 1.0);
     scene.materials[2] = btf("lost", 1.0);
     let options = Options {
-        // Room for one column of `weave`.
-        column_cache_bytes: 29 << 11,
+        budgets: Budgets {
+            // Room for one column of `weave`.
+            column_cache_bytes: 29 << 11,
+            ..options((96, 54)).budgets
+        },
         ..options((96, 54))
     };
     let source = source(&[("weave", &small), ("large", &large)]);
@@ -209,8 +212,11 @@ fn bytes_in_flight_and_decodes_in_a_frame_are_bounded() {
         };
         let options = Options {
             wait,
-            bytes_in_flight,
-            decodes_per_frame: 2,
+            budgets: Budgets {
+                bytes_in_flight,
+                decodes_per_frame: 2,
+                ..options((96, 54)).budgets
+            },
             ..options((96, 54))
         };
         let mut engine = Engine::new(Context::headless().unwrap(), &scene, Box::new(gate), options).unwrap();

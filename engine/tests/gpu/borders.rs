@@ -319,7 +319,10 @@ fn frames_count_what_they_stitch() {
     let archive = Recipe::default().build();
     let (scene, camera) = still_life();
     let few = Options {
-        uploads_per_frame: 7,
+        budgets: Budgets {
+            uploads_per_frame: 7,
+            ..options((160, 90)).budgets
+        },
         ..options((160, 90))
     };
     let mut engine = engine(&scene, &[("weave", &archive)], few);

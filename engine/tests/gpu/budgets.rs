@@ -10,8 +10,11 @@ fn one_slot_draws_without_holes() {
     let archive = Recipe::default().build();
     let (scene, camera) = still_life();
     let one = Options {
-        page_cache_bytes: SLOT_BYTES,
-        column_cache_bytes: 1 << 18,
+        budgets: Budgets {
+            page_cache_bytes: SLOT_BYTES,
+            column_cache_bytes: 1 << 18,
+            ..options((160, 90)).budgets
+        },
         ..options((160, 90))
     };
     let mut engine = engine(&scene, &[("weave", &archive)], one);
@@ -37,7 +40,10 @@ fn a_small_cache_with_room_for_all_shows_what_a_large_one_does() {
     let mut large = engine(&scene, archives, options((160, 90)));
     let wanted = settle(&mut large, &camera).last().unwrap().pages_wanted;
     let exact = Options {
-        page_cache_bytes: SLOT_BYTES * u64::from(wanted),
+        budgets: Budgets {
+            page_cache_bytes: SLOT_BYTES * u64::from(wanted),
+            ..options((160, 90)).budgets
+        },
         ..options((160, 90))
     };
     let mut small = engine(&scene, archives, exact);
@@ -57,7 +63,10 @@ fn errors_fall_and_slots_are_never_exceeded_as_the_cache_grows() {
     let mut last_error = f64::INFINITY;
     for slots in [1, 3, 8, 24, 70] {
         let budget = Options {
-            page_cache_bytes: SLOT_BYTES * slots,
+            budgets: Budgets {
+                page_cache_bytes: SLOT_BYTES * slots,
+                ..options((320, 180)).budgets
+            },
             ..options((320, 180))
         };
         let mut engine = engine(&scene, archives, budget);
@@ -90,7 +99,10 @@ fn the_least_host_memory_is_enough_and_is_kept_to() {
     let archives: &[(&str, &[u8])] = &[("weave", &archive)];
     let (scene, mut camera) = still_life();
     let least = Options {
-        host_bytes: MIN_HOST_BYTES,
+        budgets: Budgets {
+            host_bytes: MIN_HOST_BYTES,
+            ..options((160, 90)).budgets
+        },
         ..options((160, 90))
     };
     let mut poor = engine(&scene, archives, least);
@@ -128,15 +140,24 @@ fn impossible_budgets_are_errors_that_name_them() {
     start(good.clone()).unwrap();
     for bad in [
         Options {
-            page_cache_bytes: SLOT_BYTES - 1,
+            budgets: Budgets {
+                page_cache_bytes: SLOT_BYTES - 1,
+                ..good.budgets
+            },
             ..good.clone()
         },
         Options {
-            column_cache_bytes: 1000,
+            budgets: Budgets {
+                column_cache_bytes: 1000,
+                ..good.budgets
+            },
             ..good.clone()
         },
         Options {
-            host_bytes: 1000,
+            budgets: Budgets {
+                host_bytes: 1000,
+                ..good.budgets
+            },
             ..good.clone()
         },
         Options {
@@ -148,7 +169,10 @@ fn impossible_budgets_are_errors_that_name_them() {
             ..good.clone()
         },
         Options {
-            uploads_per_frame: 0,
+            budgets: Budgets {
+                uploads_per_frame: 0,
+                ..good.budgets
+            },
             ..good.clone()
         },
         Options {

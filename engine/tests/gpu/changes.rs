@@ -53,15 +53,19 @@ fn down_to_one_page_and_up_again_without_holes() {
     let archive = archive();
     let archives: &[(&str, &[u8])] = &[("weave", &archive)];
     let (scene, camera) = still_life();
-    let budget = |slots: u64| Options {
+    let budgets = |slots: u64| Budgets {
         page_cache_bytes: slots * SLOT_BYTES,
         uploads_per_frame: 5,
+        ..options((96, 54)).budgets
+    };
+    let within = |slots| Options {
+        budgets: budgets(slots),
         ..options((96, 54))
     };
-    let mut changing = engine(&scene, archives, budget(200));
+    let mut changing = engine(&scene, archives, within(200));
     settle(&mut changing, &camera);
     for slots in [12, 1, 30, 200] {
-        changing.set_budgets(budget(slots).budgets()).unwrap();
+        changing.set_budgets(budgets(slots)).unwrap();
         for _ in 0..200 {
             let stats = changing.frame(&camera).unwrap();
             assert!(u64::from(stats.pages_resident) <= slots, "{stats:?}");
@@ -75,7 +79,7 @@ fn down_to_one_page_and_up_again_without_holes() {
             }
         }
         let settled = settle(&mut changing, &camera);
-        let mut fresh = engine(&scene, archives, budget(slots));
+        let mut fresh = engine(&scene, archives, within(slots));
         let expected = settle(&mut fresh, &camera);
         let (settled, expected) = (settled.last().unwrap(), expected.last().unwrap());
         assert_eq!(settled.pages_resident, expected.pages_resident, "{slots} slots");

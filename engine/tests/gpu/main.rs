@@ -2,6 +2,7 @@
 
 mod angular;
 mod arrivals;
+mod baseline;
 mod borders;
 mod budgets;
 mod changes;
@@ -20,7 +21,7 @@ mod votes;
 use std::time::Duration;
 
 use engine::{
-    frame::{Engine, FrameStats, Options},
+    frame::{Budgets, Engine, FrameStats, Options},
     gpu::{Context, PageFormat},
     metrics::Picture,
     reference::{FactorReflectance, Reflectance, shade},
@@ -33,10 +34,13 @@ const LIMIT: Duration = Duration::from_secs(60);
 fn options(size: (u32, u32)) -> Options {
     Options {
         size,
-        page_cache_bytes: 32 << 20,
+        budgets: Budgets {
+            page_cache_bytes: 32 << 20,
+            column_cache_bytes: 64 << 20,
+            ..Budgets::default()
+        },
         // Budgets here are slots of half floats; `page_formats` has the others.
         page_format: Some(PageFormat::Half),
-        column_cache_bytes: 64 << 20,
         ..Default::default()
     }
 }

@@ -86,8 +86,11 @@ fn a_virtual_picture_in_bytes_is_the_one_with_all_resident() {
     let wanted = settle(&mut large, &camera).last().unwrap().pages_wanted;
     // In another order, and in as little room as it takes.
     let exact = Options {
-        page_cache_bytes: PageFormat::Byte.slot_bytes() * u64::from(wanted),
-        uploads_per_frame: 5,
+        budgets: Budgets {
+            page_cache_bytes: PageFormat::Byte.slot_bytes() * u64::from(wanted),
+            uploads_per_frame: 5,
+            ..options((160, 90)).budgets
+        },
         ..with(PageFormat::Byte, (160, 90))
     };
     let mut small = engine(&scene, archives, exact);
@@ -333,7 +336,10 @@ fn the_ledger_chooses_the_format_of_the_smaller_error() {
     .build();
     let (scene, camera) = (ambient_square(1.0), slanted(1.5));
     let few = Options {
-        page_cache_bytes: 12 * SLOT_BYTES,
+        budgets: Budgets {
+            page_cache_bytes: 12 * SLOT_BYTES,
+            ..options((192, 128)).budgets
+        },
         page_format: None,
         ..options((192, 128))
     };
@@ -392,7 +398,10 @@ fn bytes_and_decoding_on_the_gpu_exclude_each_other() {
     // Left to the ledgers, the wish to decode on the GPU counts.
     let left = Options {
         page_format: None,
-        page_cache_bytes: 12 * SLOT_BYTES,
+        budgets: Budgets {
+            page_cache_bytes: 12 * SLOT_BYTES,
+            ..both.budgets
+        },
         ..both
     };
     let mut engine = start(left).unwrap();

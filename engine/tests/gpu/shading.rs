@@ -219,7 +219,10 @@ fn a_new_page_is_mixed_with_its_parent() {
     let shots = |fade_frames| {
         let options = Options {
             fade_frames,
-            uploads_per_frame: 1,
+            budgets: Budgets {
+                uploads_per_frame: 1,
+                ..options((64, 48)).budgets
+            },
             ..options((64, 48))
         };
         let mut engine = engine(&scene, &[("weave", &archive)], options);

@@ -56,8 +56,11 @@ fn the_same_path_gives_the_same_operations_and_pictures() {
     let archive = archive();
     let (scene, start) = still_life();
     let small = Options {
-        page_cache_bytes: 20 * 41472,
-        uploads_per_frame: 5,
+        budgets: Budgets {
+            page_cache_bytes: 20 * 41472,
+            uploads_per_frame: 5,
+            ..options((96, 54)).budgets
+        },
         ..options((96, 54))
     };
     let run = || {

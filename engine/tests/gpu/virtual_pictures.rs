@@ -191,7 +191,10 @@ fn a_page_that_is_missing_is_noticed() {
     let archives: &[(&str, &[u8])] = &[("weave", &archive)];
     let (scene, camera) = (lit_square(1.0), above([0.0, 0.0], 1.2, 60.0));
     let few = Options {
-        page_cache_bytes: 6 * SLOT_BYTES,
+        budgets: Budgets {
+            page_cache_bytes: 6 * SLOT_BYTES,
+            ..options((96, 64)).budgets
+        },
         ..options((96, 64))
     };
     let mut engine = engine(&scene, archives, few);

@@ -6,7 +6,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use engine::residency::{
     Item, LONGEST_BACK_OFF, Limits, MaterialId, MaterialInfo, Move, PATIENCE, Placement, Plan, Resized,
-    SWAP_MARGIN, Slot, Vote,
+    SLOTS_PER_PIN, SWAP_MARGIN, Slot, Vote,
 };
 use tileset::{PageId, Tile};
 
@@ -170,7 +170,7 @@ impl Plain {
         (0..self.materials.len() as u16)
             .filter(|&material| self.visible(material))
             .count()
-            <= slots as usize
+            <= (slots / SLOTS_PER_PIN) as usize
     }
 
     fn is_open(&self, material: u16, group: u16) -> bool {
@@ -319,7 +319,7 @@ impl Plain {
         let columns = columns.into_iter().map(|(mut rank, item, new)| {
             let (material, group) = column_of(item);
             let root = self.root_rank(material, group);
-            (rank.1, rank.2) = (root.1, root.2);
+            (rank.0, rank.1, rank.2) = (root.0, root.1, root.2);
             (rank, item, new)
         });
         let columns: Vec<_> = columns.collect();

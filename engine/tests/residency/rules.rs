@@ -1,8 +1,8 @@
 //! Single rules of residency, each in the smallest scene that shows it.
 
 use engine::residency::{
-    Item, LONGEST_BACK_OFF, Limits, MaterialId, MaterialInfo, PATIENCE, Placement, Plan, Residency, Slot,
-    Vote,
+    Item, LONGEST_BACK_OFF, Limits, MaterialId, MaterialInfo, PATIENCE, Placement, Plan, Residency,
+    SLOTS_PER_PIN, Slot, Vote,
 };
 use tileset::{PageId, Pyramid};
 
@@ -117,7 +117,7 @@ fn column_and_root_come_first_and_pages_under_them() {
 #[test]
 fn requests_follow_w_times_v() {
     let one = [[1.0, 0.0, 0.0, 0.0, 0.0, 0.0], [5.0, 0.0, 0.0, 0.0, 0.0, 0.0]];
-    let mut residency = residency(10, 10, &[&one, &one]);
+    let mut residency = residency(32, 32, &[&one, &one]);
     let plan = residency.update(&[vote(0, 0, 1), vote(1, 0, 3)], &[]);
     // Pins first, then w·v: 15 of material 1, 5 of material 0; columns as their roots.
     let pinned = [column(1, 0), page(1, 0, 0), column(0, 0), page(0, 0, 0)];
@@ -274,15 +274,20 @@ fn a_page_that_its_column_has_left_is_dropped() {
 }
 
 #[test]
-fn roots_are_pinned_while_there_is_one_place_for_each_visible_material() {
-    let (weak, strong) = ([[0.1, 0.0, 0.0, 0.0, 0.0, 0.0]], [[9.0, 9.0, 9.0, 9.0, 9.0, 9.0]]);
-    let votes = [vote(0, 0, 1), vote(1, 2, 9), vote(1, 3, 9)];
-    let mut two = residency(2, 2, &[&weak, &strong]);
-    settle(&mut two, &votes);
-    assert!(is_resident(&two, page(0, 0, 0)) && is_resident(&two, page(1, 0, 0)));
-    let mut one = residency(1, 2, &[&weak, &strong]);
-    settle(&mut one, &votes);
-    assert!(is_resident(&one, page(1, 0, 0)));
+fn roots_are_pinned_where_slots_are_many_and_like_all_others_where_they_are_few() {
+    // The root that few see is worth less than any page beside it.
+    let (weak, strong) = ([[0.1, 0.0, 0.0, 0.0, 0.0, 0.0]; 1], [[9.0; 6]; 6]);
+    let votes: Vec<Vote> = (2..6)
+        .map(|tile| vote(1, tile, 9))
+        .chain([vote(0, 0, 1)])
+        .collect();
+    for (slots, pinned) in [(2 * SLOTS_PER_PIN, true), (2 * SLOTS_PER_PIN - 1, false)] {
+        let mut residency = residency(slots, slots, &[&weak, &strong]);
+        settle(&mut residency, &votes);
+        assert_eq!(residency.summary().pages_resident, slots);
+        assert!(is_resident(&residency, page(1, 0, 0)));
+        assert_eq!(is_resident(&residency, page(0, 0, 0)), pinned, "{slots} slots");
+    }
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! A scene for residency, and what is right about it worked out the slow and obvious way.
 
-use engine::residency::{Item, Limits, MaterialId, MaterialInfo, SWAP_MARGIN, Vote};
+use engine::residency::{Item, Limits, MaterialId, MaterialInfo, SLOTS_PER_PIN, SWAP_MARGIN, Vote};
 use proptest::prelude::*;
 use tileset::{PageId, Pyramid, Tile};
 
@@ -189,7 +189,7 @@ impl Scene {
     /// Roots of group 0 that must be resident when nothing moves any more.
     pub(crate) fn roots_to_expect(&self, page_slots: u32) -> Vec<Item> {
         let visible = self.visible();
-        if visible.len() > page_slots as usize {
+        if visible.len() > (page_slots / SLOTS_PER_PIN) as usize {
             return Vec::new();
         }
         let roots = visible
@@ -251,7 +251,7 @@ impl Scene {
         if self.pixels() == 0.0 {
             return 0.0;
         }
-        let pinned = self.visible().len() <= slots;
+        let pinned = self.visible().len() <= slots / SLOTS_PER_PIN as usize;
         let mut best = vec![0.0; slots + 1];
         for material in 0..self.materials.len() {
             let root = self.materials[material].pyramid.root();
