@@ -3,7 +3,7 @@
 use bytemuck::Zeroable;
 
 use super::context::{Context, MEAN_CLASSES, MODELS, class_of_mean, mean_of_class};
-use super::levels::{END_MODELS, ESCAPE, Found, SYMBOLS, Sink, symbol_of};
+use super::levels::{END_MODELS, ESCAPE, Found, SYMBOLS, Sink, end_model, symbol_of};
 use super::scan::DIAGONALS;
 use super::transform::AREA;
 use crate::codec::rans::{Buckets, Model, read_models, write_models};
@@ -126,6 +126,13 @@ impl PageTables {
             Some(symbol) if bits[symbol].is_finite() => bits[symbol],
             _ => bits[ESCAPE] + 6.0 + 2.0 * (level.unsigned_abs() as f32 + 1.0).log2(),
         }
+    }
+
+    /// Bits of a block's number of diagonals, given that of the block before; 0 without models.
+    pub(super) fn end_bits(&self, last_end: usize, end: usize) -> f32 {
+        self.ends
+            .get(end_model(last_end))
+            .map_or(0.0, |model| model.bits(end))
     }
 
     /// Whether there are models, and not only statistics of frequencies.

@@ -32,6 +32,14 @@ const SPREAD: [[u8; 16]; 16] = {
     spread
 };
 
+/// The lowest `count` lanes of a set.
+fn lowest(mut set: usize, count: u32) -> usize {
+    while set.count_ones() > count {
+        set ^= 1 << set.ilog2();
+    }
+    set
+}
+
 /// The lanes as indices into tables of 64 times 64 entries.
 #[inline]
 #[target_feature(enable = "avx2")]
@@ -106,9 +114,19 @@ impl Reader<'_> {
             let advanced = _mm_add_epi32(advanced, _mm_add_epi32(positions, offsets));
 
             // As `Decoder::renormalize_all`.
-            let short = _mm_cmpeq_epi32(_mm_srli_epi32::<16>(advanced), _mm_setzero_si128());
-            let taking = _mm_movemask_ps(_mm_castsi128_ps(short)) as usize % 16;
-            let window = _mm_cvtsi64_si128(reader.decoder.window() as i64);
+            let mut short = _mm_cmpeq_epi32(_mm_srli_epi32::<16>(advanced), _mm_setzero_si128());
+            let mut taking = _mm_movemask_ps(_mm_castsi128_ps(short)) as usize % 16;
+            let window = match reader.decoder.window() {
+                Some((window, _)) => window,
+                None => {
+                    let (window, left) = reader.decoder.last_words();
+                    taking = lowest(taking, left);
+                    let lanes = _mm_set_epi32(8, 4, 2, 1);
+                    short = _mm_cmpeq_epi32(_mm_and_si128(all(taking as i32), lanes), lanes);
+                    window
+                }
+            };
+            let window = _mm_cvtsi64_si128(window as i64);
             let words = _mm_shuffle_epi8(window, bytemuck::cast(SPREAD[taking]));
             let longer = _mm_or_si128(_mm_slli_epi32::<16>(advanced), words);
             states = _mm_blendv_epi8(advanced, longer, short);
