@@ -72,11 +72,14 @@ impl Reader<'_> {
         let mut expected = [_mm_setzero_si128(); GRID_AREA];
         let mut states: __m128i = bytemuck::cast(reader.decoder.states);
         let steps = _mm_set1_ps(step);
+        let factors: __m128i = bytemuck::cast(reader.means.factors);
         let all = |value: i32| _mm_set1_epi32(value);
         for place in scan.places(end) {
             let grid = usize::from(place.grid);
-            let mean = _mm_set1_epi32(reader.means[usize::from(place.like)]);
-            let bits = _mm_castps_si128(_mm_cvtepi32_ps(_mm_add_epi32(expected[grid], mean)));
+            // As `Means::at`.
+            let mean = all(reader.means.places[usize::from(place.like)]);
+            let means = _mm_add_epi32(_mm_srai_epi32::<6>(_mm_mullo_epi32(mean, factors)), all(1));
+            let bits = _mm_castps_si128(_mm_cvtepi32_ps(_mm_add_epi32(expected[grid], means)));
             let classes = _mm_sub_epi32(_mm_srli_epi32::<21>(bits), all(127 << 2));
             let shifted = _mm_cmpgt_epi32(classes, all(FIRST_SHIFTED - 1));
             let models = _mm_blendv_epi8(

@@ -1,10 +1,10 @@
 //! Coefficients to levels to symbols.
 
 use super::{ESCAPE, end_model, symbol_of};
-use crate::codec::pyramid_dct::context::{Context, Expected, magnitude};
+use crate::codec::pyramid_dct::context::{Context, Expected, Means, magnitude};
 use crate::codec::pyramid_dct::scan::{DIAGONALS, Place, Scan};
 use crate::codec::pyramid_dct::tables::PageTables;
-use crate::codec::pyramid_dct::transform::{AREA, Block};
+use crate::codec::pyramid_dct::transform::Block;
 use crate::codec::rans::{Encoder, Model};
 
 /// Takes symbols: counts or codes them.
@@ -55,7 +55,7 @@ impl Chosen {
 /// it costs, `end_cost` what a number of diagonals costs, both in squared steps.
 pub(in crate::codec::pyramid_dct) fn choose_levels(
     scan: &Scan,
-    means: &[i32; AREA],
+    means: Means,
     coefficients: &Block,
     choose: impl Fn(f32, Context) -> (i32, f32),
     end_cost: impl Fn(usize) -> f32,
@@ -76,7 +76,7 @@ pub(in crate::codec::pyramid_dct) fn choose_levels(
         let of_diagonal = &scan.places(diagonal)[first..];
         let mut empty = true;
         for &Place { at, grid, like } in of_diagonal {
-            let contexts = expected.contexts(grid, means[usize::from(like)]);
+            let contexts = expected.contexts(grid, means.at(like));
             let coefficient = coefficients[usize::from(at)].0;
             let found: [Found; 4] = std::array::from_fn(|c| {
                 let (context, coefficient) = (contexts[c], coefficient[c]);

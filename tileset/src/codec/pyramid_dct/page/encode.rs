@@ -94,6 +94,7 @@ pub fn count_group(
     for tile in pyramid.tiles() {
         let mut counter = Counter {
             statistics: &mut statistics,
+            means: tables.unwrap_or(&none).means(tile.mip, group),
             mip: tile.mip,
             group,
         };
