@@ -5,8 +5,9 @@ use std::sync::Arc;
 use xxhash_rust::xxh3::{xxh3_64, xxh3_128};
 
 use super::{
-    directory, order,
+    directory,
     header::{HEADER_BYTES, Header, MAX_MANIFEST_BYTES},
+    order,
 };
 use crate::{
     Error, Manifest, PageId, Pyramid, Result,
@@ -190,10 +191,7 @@ impl Index {
         let pages = self.pages.iter().map(|record| ("page", record));
         for (i, (what, record)) in columns.enumerate().chain(pages.enumerate()) {
             let Record {
-                length,
-                weight,
-                hash,
-                ..
+                length, weight, hash, ..
             } = *record;
             if !(weight.is_finite() && weight >= 0.0) {
                 return Err(format!("{what} {i} weighs {weight}"));
@@ -318,26 +316,6 @@ mod tests {
                 [
                     COLUMN,
                     Record {
-                        offset: u64::MAX,
-                        ..PAGE
-                    },
-                ],
-                15,
-            ),
-            (
-                [
-                    COLUMN,
-                    Record {
-                        offset: u64::MAX - 200,
-                        ..PAGE
-                    },
-                ],
-                15,
-            ),
-            (
-                [
-                    COLUMN,
-                    Record {
                         length: u32::MAX,
                         ..PAGE
                     },
@@ -366,7 +344,6 @@ mod tests {
             ),
             ([COLUMN, Record { weight: -1.0, ..PAGE }], 15),
             ([COLUMN, Record { hash: 1, ..EMPTY }], 10),
-            ([COLUMN, Record { offset: 1, ..EMPTY }], 10),
         ] {
             let error = parse(records, record_bytes).unwrap_err();
             assert!(

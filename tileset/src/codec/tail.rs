@@ -1,6 +1,7 @@
 //! The packed tail: from the payload of its finest mip to borders and all coarser mips.
 
 use super::{MipImage, page::Page, region::address};
+use crate::codec::region::HALF_MAX;
 use crate::{BORDER_TEXELS, PAGE_TEXELS, Pyramid, SLOT_TEXELS};
 use half::f16;
 
@@ -30,7 +31,8 @@ pub(super) fn assemble(pyramid: &Pyramid, page: &mut Page) {
         if level > root.mip {
             mip = mip.downsample();
             for texel in &mut mip.texels {
-                *texel = texel.map(|value| f16::from_f32(value).to_f32());
+                // What swings beyond the largest half float stays one.
+                *texel = texel.map(|value| f16::from_f32(value.clamp(-HALF_MAX, HALF_MAX)).to_f32());
             }
         }
         place(pyramid, level, &mip, page);

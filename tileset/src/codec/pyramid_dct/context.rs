@@ -12,8 +12,7 @@ pub(super) const MODELS: usize = 48;
 /// The unit of expected magnitudes is 1/4096.
 const UNIT: f32 = 4096.0;
 /// Weight of the mean magnitude in the tables.
-fn knob(name: &str, default: f32) -> f32 { std::env::var(name).ok().and_then(|v| v.parse().ok()).unwrap_or(default) }
-static MEAN_WEIGHT: std::sync::LazyLock<f32> = std::sync::LazyLock::new(|| knob("MEANW", 0.38));
+const MEAN_WEIGHT: f32 = 0.65;
 /// What a magnitude adds to what is expected of the same component, and of all four, in the same unit: as left or upper
 /// neighbour, as the one between, and as the second to the left or above.
 pub(super) const SIDE_WEIGHTS: [i32; 2] = [11 * 32, 3 * 32];
@@ -98,12 +97,12 @@ pub(super) fn mean_of_class(class: u8) -> i32 {
 
 /// What a mean magnitude of one is in [`mean_of_class`].
 pub(super) fn mean_unit() -> f64 {
-    f64::from(*MEAN_WEIGHT * UNIT)
+    f64::from(MEAN_WEIGHT * UNIT)
 }
 
 /// The class of a mean magnitude: the last one that is not larger than it by more than half a class.
 pub(super) fn class_of_mean(mean: f64) -> u8 {
-    let wanted = mean * f64::from(*MEAN_WEIGHT * UNIT);
+    let wanted = mean * mean_unit();
     let above = |class: u8| f64::from(mean_of_class(class) + mean_of_class(class + 1)) / 2.0 <= wanted;
     (0..MEAN_CLASSES - 1)
         .find(|&class| !above(class))
@@ -208,10 +207,14 @@ mod tests {
         for (u, v) in [(0, 2), (1, 1), (1, 2), (2, 0), (2, 1)] {
             expected.add(grid_index(u, v), [LARGEST as i32; 4]);
         }
-        let mean = mean_of_class(MEAN_CLASSES - 1);
+        let means = Means {
+            places: &[mean_of_class(MEAN_CLASSES - 1); AREA],
+            factors: [factor(*FACTOR_QUARTERS.end()); 4],
+        };
+        assert!(means.places[0].checked_mul(means.factors[0]).is_some());
         let sum = expected.0[usize::from(grid_index(2, 2))][0];
-        assert!(sum > 0 && sum.checked_add(mean).is_some());
-        let found = expected.contexts(grid_index(2, 2), mean);
+        assert!(sum > 0 && sum.checked_add(means.at(0)[0]).is_some());
+        let found = expected.contexts(grid_index(2, 2), means.at(0));
         assert!(found.iter().all(|context| context.shift > 0));
         assert_eq!(magnitude(i32::MIN), LARGEST as i32);
     }
@@ -243,9 +246,17 @@ mod tests {
     #[test]
     fn classes_of_means_are_near() {
         for mean in [0.01, 0.1, 0.5, 1.0, 3.0, 20.0] {
-            let found = f64::from(mean_of_class(class_of_mean(mean))) / f64::from(*MEAN_WEIGHT * UNIT);
+            let found = f64::from(mean_of_class(class_of_mean(mean))) / mean_unit();
             assert!((found / mean - 1.0).abs() < 0.15, "{mean} {found}");
         }
         assert_eq!(mean_of_class(class_of_mean(0.0)), 1);
+    }
+
+    #[test]
+    fn factors_are_near() {
+        for quarters in FACTOR_QUARTERS {
+            let exact = 64.0 * (f64::from(quarters) / 4.0).exp2();
+            assert!((f64::from(factor(quarters)) - exact).abs() <= 0.5, "{quarters}");
+        }
     }
 }

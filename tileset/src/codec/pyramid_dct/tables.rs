@@ -12,11 +12,11 @@ use crate::codec::rans::{Buckets, Model, read_models, write_models};
 use crate::{Pyramid, Result, error::corrupt, frame};
 
 /// Groups that share statistics of frequencies: 20 components.
-static BUNDLE_GROUPS: std::sync::LazyLock<usize> = std::sync::LazyLock::new(|| std::env::var("BUNDLE").map_or(5, |v| v.parse().unwrap()));
+const BUNDLE_GROUPS: usize = 5;
 /// Reconstruction points are multiples of 1/128 of a step.
 const OFFSET_UNIT: f32 = 1.0 / 128.0;
 /// Most bytes of tables before compression: all mips of the largest archive with the most components.
-const MAX_RAW_BYTES: usize = 17 * 52 * AREA + (MODELS + END_MODELS) * 130 + 2 * MODELS + 16;
+const MAX_RAW_BYTES: usize = 17 * (52 * AREA + 1024) + (MODELS + END_MODELS) * 130 + 2 * MODELS + 16;
 
 /// What all pages of an archive share.
 #[derive(Clone)]
@@ -71,7 +71,7 @@ impl Extent {
     }
 
     fn bundles(self) -> usize {
-        self.groups.div_ceil(*BUNDLE_GROUPS)
+        self.groups.div_ceil(BUNDLE_GROUPS)
     }
 
     /// Number of a mip and a group among those of all.
@@ -81,7 +81,7 @@ impl Extent {
 
     /// Number of a mip and the bundle of a group among those of all.
     fn bundle(self, mip: u8, group: u16) -> usize {
-        let bundle = (usize::from(group) / *BUNDLE_GROUPS).min(self.bundles() - 1);
+        let bundle = (usize::from(group) / BUNDLE_GROUPS).min(self.bundles() - 1);
         usize::from(mip).min(self.mips - 1) * self.bundles() + bundle
     }
 }
@@ -179,7 +179,12 @@ impl PageTables {
 
     fn raw_bytes(&self) -> Vec<u8> {
         let mut bytes = self.classes.clone();
-        bytes.extend(self.quarters.as_flattened().iter().map(|&quarters| quarters as u8));
+        bytes.extend(
+            self.quarters
+                .as_flattened()
+                .iter()
+                .map(|&quarters| quarters as u8),
+        );
         bytes.extend(self.offsets.iter().flatten().map(|&offset| offset as u8));
         write_models(&self.models, &mut bytes);
         write_models(&self.ends, &mut bytes);
@@ -223,7 +228,11 @@ impl PageTables {
             .iter()
             .map(|four| four.map(|quarters| quarters as i8))
             .collect();
-        if let Some(bad) = quarters.as_flattened().iter().find(|bad| !FACTOR_QUARTERS.contains(bad)) {
+        if let Some(bad) = quarters
+            .as_flattened()
+            .iter()
+            .find(|bad| !FACTOR_QUARTERS.contains(bad))
+        {
             return Err(format!("factor {bad} of a component, {FACTOR_QUARTERS:?} exist"));
         }
         let offsets = offsets

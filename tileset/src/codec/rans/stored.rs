@@ -109,6 +109,9 @@ pub(super) fn read_states(bytes: &[u8]) -> Result<([u32; LANES], &[u8]), String>
     let empty = take(count.next_multiple_of(8) - count) == 0;
     match bytes.split_at_checked(count.div_ceil(8) as usize) {
         Some((_, words)) if empty => Ok((states, words)),
-        _ => Err(format!("{} bytes hold no states of the entropy coder", bytes.len())),
+        _ => Err(format!(
+            "{} bytes hold no states of the entropy coder",
+            bytes.len()
+        )),
     }
 }

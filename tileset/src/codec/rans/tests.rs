@@ -149,4 +149,3 @@ fn normalization_is_the_best_there_is() {
         assert!(length(&normalize(&counts)) <= best + 1e-6 * best.abs());
     }
 }
-

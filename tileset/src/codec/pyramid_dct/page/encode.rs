@@ -164,35 +164,33 @@ fn walk(
             means,
             &block,
             |coefficient, context| choose(tables, coefficient, context),
-            |end| ERROR_PER_BIT * lambda() * tables.end_bits(last_end, end),
+            |end| ERROR_PER_BIT * tables.end_bits(last_end, end),
         ));
     }
-    let (cost, energy) = chosen
-        .iter()
-        .fold((0.0, 0.0), |(cost, energy), block| (cost + block.cost, energy + block.energy));
-    if energy <= cost + ERROR_PER_BIT * lambda() * RECORD_BITS || chosen.iter().all(|block| block.end == 0) {
+    let (cost, energy) = chosen.iter().fold((0.0, 0.0), |(cost, energy), block| {
+        (cost + block.cost, energy + block.energy)
+    });
+    if energy <= cost + ERROR_PER_BIT * RECORD_BITS || chosen.iter().all(|block| block.end == 0) {
         return Ok(false);
     }
-    chosen.iter().fold(0, |last_end, block| block.write(sink, last_end));
+    chosen
+        .iter()
+        .fold(0, |last_end, block| block.write(sink, last_end));
     Ok(true)
 }
-
-fn knob(name: &str, default: f32) -> f32 { std::env::var(name).ok().and_then(|v| v.parse().ok()).unwrap_or(default) }
-fn lambda() -> f32 { static L: std::sync::LazyLock<f32> = std::sync::LazyLock::new(|| knob("LAMBDA", 1.0)); *L }
-fn rounding() -> f32 { static L: std::sync::LazyLock<f32> = std::sync::LazyLock::new(|| knob("ROUND", 0.4)); *L }
 
 /// The level for a coefficient, given in steps, that has the least sum of squared error and bits, and this sum.
 fn choose(tables: &PageTables, coefficient: f32, context: Context) -> (i32, f32) {
     let magnitude = coefficient.abs();
     let signed = |level: i32| if coefficient < 0.0 { -level } else { level };
     if !tables.is_trained() {
-        let level = (magnitude + rounding()) as i32;
+        let level = (magnitude + FIRST_ROUNDING) as i32;
         return (signed(level), (magnitude - level as f32).powi(2));
     }
     let nearest = (magnitude + 0.5) as i32;
     let cost = |level: i32| {
         let error = tables.value(context, level).abs() - magnitude;
-        error * error + ERROR_PER_BIT * lambda() * tables.bits(context, signed(level))
+        error * error + ERROR_PER_BIT * tables.bits(context, signed(level))
     };
     let mut best = (nearest, cost(nearest));
     for level in [nearest - 1, 0] {
