@@ -301,7 +301,7 @@ impl Service {
         read: impl FnOnce(&Served) -> tileset::Result<Vec<u8>> + Send + 'static,
     ) -> Answer {
         let fields = Fields {
-            etag: format!("\"{:016x}\"", record.hash),
+            etag: format!("\"{:08x}\"", record.hash),
             cache: IMMUTABLE,
             kind: BINARY,
         };

@@ -86,7 +86,7 @@ async fn everything_is_reached_from_the_catalogue() {
             assert_eq!(answer.field("cache-control"), IMMUTABLE);
             assert_eq!(answer.field("content-type"), "application/octet-stream");
             let record = local.index.page(page_id).unwrap();
-            assert_eq!(answer.field("etag"), format!("\"{:016x}\"", record.hash));
+            assert_eq!(answer.field("etag"), format!("\"{:08x}\"", record.hash));
             assert_eq!(answer.field("content-length"), answer.body.len().to_string());
             assert_eq!(answer.body, local.read_page(page_id).unwrap());
             if tile == local.index.pyramid.root() {

@@ -7,6 +7,7 @@ use xxhash_rust::xxh3::{xxh3_64, xxh3_128};
 use super::{
     directory,
     header::{HEADER_BYTES, Header, MAX_MANIFEST_BYTES},
+    order,
 };
 use crate::{
     Error, Manifest, PageId, Pyramid, Result,
@@ -25,8 +26,9 @@ pub struct Record {
     /// Pages: mean squared difference to the up-sampled parent (paper, equation 8), in squared units of
     /// reflectance. Columns: mean square of the group's eigen-textures.
     pub weight: f32,
-    /// XXH3-64 of the record's bytes; also its content hash over HTTP.
-    pub hash: u64,
+    /// The lower half of the XXH3-64 of the record's bytes. Enough to find damage, and to tell versions of a record
+    /// apart at one address; for all contents of the world there is [`Index::id`].
+    pub hash: u32,
 }
 
 /// What every reader of an archive starts from: manifest and directory, checked.
@@ -94,7 +96,7 @@ impl Index {
         let mut columns = directory::decode(directory, count, header.prefix_bytes())
             .map_err(|detail| corrupt("directory", directory_offset, detail))?;
         let pages = columns.split_off(groups);
-        let index = Index {
+        let mut index = Index {
             manifest,
             pyramid,
             decoder,
@@ -104,7 +106,7 @@ impl Index {
             pages,
         };
         index
-            .check_records(header.prefix_bytes())
+            .place_records(header.prefix_bytes())
             .map_err(|detail| corrupt("directory", directory_offset, detail))?;
         Ok(index)
     }
@@ -183,43 +185,30 @@ impl Index {
         Ok(())
     }
 
-    /// Whether all records lie where records may lie and have sizes that records may have.
-    fn check_records(&self, prefix_bytes: u64) -> std::result::Result<(), String> {
-        let columns = self
-            .columns
-            .iter()
-            .enumerate()
-            .map(|(i, record)| ("column", i, record, MAX_COLUMN_BYTES));
-        let pages = self
-            .pages
-            .iter()
-            .enumerate()
-            .map(|(i, record)| ("page", i, record, MAX_PAGE_BYTES));
-        let mut end = prefix_bytes;
-        for (what, i, record, limit) in columns.chain(pages) {
+    /// Gives all records their places; the message says what records there cannot be.
+    fn place_records(&mut self, prefix_bytes: u64) -> std::result::Result<(), String> {
+        let columns = self.columns.iter().map(|record| ("column", record));
+        let pages = self.pages.iter().map(|record| ("page", record));
+        for (i, (what, record)) in columns.enumerate().chain(pages.enumerate()) {
             let Record {
-                offset,
-                length,
-                weight,
-                hash,
+                length, weight, hash, ..
             } = *record;
             if !(weight.is_finite() && weight >= 0.0) {
                 return Err(format!("{what} {i} weighs {weight}"));
             }
-            if length == 0 {
-                if what == "column" || offset != prefix_bytes || hash != 0 {
-                    return Err(format!("{what} {i} is empty, but must not be or claims a place"));
-                }
-                continue;
+            let limit = if what == "column" {
+                MAX_COLUMN_BYTES
+            } else {
+                MAX_PAGE_BYTES
+            };
+            if length > limit {
+                return Err(format!("{what} {i} cannot have {length} bytes"));
             }
-            let record_end = offset
-                .checked_add(length.into())
-                .filter(|end| *end <= self.file_bytes);
-            match record_end {
-                Some(record_end) if offset >= prefix_bytes && length <= limit => end = end.max(record_end),
-                _ => return Err(format!("{what} {i} cannot have {length} bytes at {offset}")),
+            if length == 0 && (what == "column" || hash != 0) {
+                return Err(format!("{what} {i} is empty, but must not be or has a checksum"));
             }
         }
+        let (_, end) = order::place(&self.pyramid, &mut self.columns, &mut self.pages, prefix_bytes);
         if end != self.file_bytes {
             return Err(format!(
                 "the last record ends at {end}, the file at {}",
@@ -230,9 +219,13 @@ impl Index {
     }
 }
 
-/// XXH3-64 of a record's bytes; zero for a page that is not stored.
-pub(super) fn record_hash(bytes: &[u8]) -> u64 {
-    if bytes.is_empty() { 0 } else { xxh3_64(bytes) }
+/// The lower half of the XXH3-64 of a record's bytes; zero for a page that is not stored.
+pub(super) fn record_hash(bytes: &[u8]) -> u32 {
+    if bytes.is_empty() {
+        0
+    } else {
+        xxh3_64(bytes) as u32
+    }
 }
 
 /// How messages name a column.
@@ -323,26 +316,6 @@ mod tests {
                 [
                     COLUMN,
                     Record {
-                        offset: u64::MAX,
-                        ..PAGE
-                    },
-                ],
-                15,
-            ),
-            (
-                [
-                    COLUMN,
-                    Record {
-                        offset: u64::MAX - 200,
-                        ..PAGE
-                    },
-                ],
-                15,
-            ),
-            (
-                [
-                    COLUMN,
-                    Record {
                         length: u32::MAX,
                         ..PAGE
                     },
@@ -371,7 +344,6 @@ mod tests {
             ),
             ([COLUMN, Record { weight: -1.0, ..PAGE }], 15),
             ([COLUMN, Record { hash: 1, ..EMPTY }], 10),
-            ([COLUMN, Record { offset: 1, ..EMPTY }], 10),
         ] {
             let error = parse(records, record_bytes).unwrap_err();
             assert!(

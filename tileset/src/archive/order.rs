@@ -2,6 +2,7 @@
 
 use std::{cmp::Reverse, collections::BinaryHeap};
 
+use super::Record;
 use crate::{PageId, Pyramid, Tile};
 
 /// A record to be placed.
@@ -13,8 +14,63 @@ pub(super) enum Item {
     Page(PageId),
 }
 
-/// Bytes and weight of records, as the directory will have them.
-pub(super) trait Sizes {
+/// Gives all stored records, columns by group and pages group by group, their offsets, the first `start`; returns them
+/// in the order in which they stand, and where the last one ends.
+///
+/// Lengths and weights say it all, so a directory needs no offsets.
+pub(super) fn place(
+    pyramid: &Pyramid,
+    columns: &mut [Record],
+    pages: &mut [Record],
+    start: u64,
+) -> (Vec<Item>, u64) {
+    let tiles = pyramid.tile_count() as usize;
+    let place = |page: PageId| {
+        let tile = pyramid.tile_index(page.tile).expect("tiles of the pyramid") as usize;
+        usize::from(page.group) * tiles + tile
+    };
+    let order = streaming_order(
+        pyramid,
+        columns.len() as u16,
+        &Records {
+            columns,
+            pages,
+            place,
+        },
+    );
+    let mut end = start;
+    for &item in &order {
+        let record = match item {
+            Item::Column(group) => &mut columns[usize::from(group)],
+            Item::Page(page) => &mut pages[place(page)],
+        };
+        record.offset = end;
+        end += u64::from(record.length);
+    }
+    (order, end)
+}
+
+/// Entries of the directory.
+struct Records<'a, P> {
+    columns: &'a [Record],
+    pages: &'a [Record],
+    /// The index of a page's entry.
+    place: P,
+}
+
+impl<P: Fn(PageId) -> usize> Sizes for Records<'_, P> {
+    fn column_bytes(&self, group: u16) -> usize {
+        self.columns[usize::from(group)].length as usize
+    }
+
+    fn page(&self, page: PageId) -> (usize, f64) {
+        let record = self.pages[(self.place)(page)];
+        (record.length as usize, record.weight.into())
+    }
+}
+
+/// Bytes and weight of records, as the directory has them.
+trait Sizes {
     /// Of a group's column.
     fn column_bytes(&self, group: u16) -> usize;
     /// Of a page: bytes, and mean squared difference to its up-sampled parent.
@@ -50,7 +106,7 @@ impl PartialOrd for Candidate {
 ///
 /// A page's gain is its weight times the share of the material that it covers. A column alone shows
 /// nothing, so it is judged together with the root behind it.
-pub(super) fn streaming_order(pyramid: &Pyramid, groups: u16, sizes: &impl Sizes) -> Vec<Item> {
+fn streaming_order(pyramid: &Pyramid, groups: u16, sizes: &impl Sizes) -> Vec<Item> {
     let root = |group| PageId {
         group,
         tile: pyramid.root(),

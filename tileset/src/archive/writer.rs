@@ -6,7 +6,7 @@ use super::{
     Record, directory,
     header::Header,
     index::{column_name, record_hash},
-    order::{Item, Sizes, streaming_order},
+    order::{self, Item},
 };
 use crate::{
     Error, Manifest, PageId, Pyramid, Result,
@@ -114,19 +114,9 @@ impl ArchiveWriter {
             detail: error.to_string(),
         })?;
         let manifest = frame::compress(&manifest)?;
-        let order = streaming_order(&self.pyramid, self.columns.len() as u16, &self);
-
         let mut columns: Vec<Record> = self.columns.iter().map(unplaced).collect();
         let mut pages: Vec<Record> = self.pages.iter().map(unplaced).collect();
-        let mut offset = 0;
-        for &item in &order {
-            let record = match item {
-                Item::Column(group) => &mut columns[usize::from(group)],
-                Item::Page(page) => &mut pages[self.page_place(page).expect("ordered pages exist")],
-            };
-            record.offset = offset;
-            offset += u64::from(record.length);
-        }
+        let (order, record_bytes) = order::place(&self.pyramid, &mut columns, &mut pages, 0);
         let directory = directory::encode(columns.iter().chain(&pages))?;
         let described = [&manifest[..], &self.tables].concat();
         let mut header = Header {
@@ -137,7 +127,7 @@ impl ArchiveWriter {
             manifest_hash: xxh3_64(&described),
             directory_hash: xxh3_64(&directory),
         };
-        header.file_bytes = header.prefix_bytes() + offset;
+        header.file_bytes = header.prefix_bytes() + record_bytes;
 
         let header_bytes = header.to_bytes();
         let prefix = [header_bytes.as_slice(), &described, &directory];
@@ -190,17 +180,6 @@ impl ArchiveWriter {
     }
 }
 
-impl Sizes for ArchiveWriter {
-    fn column_bytes(&self, group: u16) -> usize {
-        self.bytes(Item::Column(group)).len()
-    }
-
-    fn page(&self, page: PageId) -> (usize, f64) {
-        let pending = self.page_place(page).and_then(|place| self.pages[place].as_ref());
-        pending.map_or((0, 0.0), |pending| (pending.bytes.len(), pending.weight))
-    }
-}
-
 /// Puts a record into its place, once.
 fn add(what: String, place: Option<&mut Option<Pending>>, pending: Pending, limit: u32) -> Result<()> {
     let Some(place) = place else {
@@ -240,7 +219,7 @@ fn unplaced(pending: &Option<Pending>) -> Record {
     Record {
         offset: 0,
         length: bytes.len() as u32,
-        weight: weight as f32,
+        weight: directory::stored_weight(weight as f32),
         hash: record_hash(bytes),
     }
 }

@@ -187,6 +187,8 @@ impl ColumnTables {
             if !stream.is_empty() {
                 return Err(failed("bytes follow an empty column".into()));
             }
+        } else if stream.is_empty() {
+            return Err(failed("no levels follow, but not all components are zero".into()));
         } else {
             symbols::decode(&self.profile, levels, &self.models, stream, take).map_err(failed)?;
         }

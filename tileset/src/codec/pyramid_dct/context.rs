@@ -6,14 +6,14 @@
 //! conversion to f32 that rounds the same way everywhere.
 
 use super::scan::Scan;
-use super::transform::SIDE;
+use super::transform::{AREA, SIDE};
 
 /// Models of coefficients.
 pub(super) const MODELS: usize = 48;
 /// The unit of expected magnitudes is 1/4096.
 const UNIT: f32 = 4096.0;
 /// Weight of the mean magnitude in the tables.
-const MEAN_WEIGHT: f32 = 0.38;
+const MEAN_WEIGHT: f32 = 0.65;
 /// What a magnitude adds to what is expected of the same component, and of all four, in the same unit: as left or upper
 /// neighbour, as the one between, and as the second to the left or above.
 pub(super) const SIDE_WEIGHTS: [i32; 2] = [11 * 32, 3 * 32];
@@ -55,7 +55,40 @@ pub(super) fn magnitude(level: i32) -> i32 {
 }
 
 /// Classes of the mean magnitude in the tables: four an octave.
-pub(super) const MEAN_CLASSES: u8 = 96;
+pub(super) const MEAN_CLASSES: u8 = 88;
+
+/// Largest and least factor of a component, in quarters of an octave.
+pub(super) const FACTOR_QUARTERS: std::ops::RangeInclusive<i8> = -24..=12;
+/// Factors of components are multiples of 1/64.
+const FACTOR_BITS: u32 = 6;
+
+/// Mean magnitudes at the places of a full block, as [`mean_of_class`] gives them, and how many times more the components
+/// of a group have.
+#[derive(Clone, Copy)]
+pub(in crate::codec::pyramid_dct) struct Means<'a> {
+    pub(in crate::codec::pyramid_dct) places: &'a [i32; AREA],
+    /// From [`factor`].
+    pub(in crate::codec::pyramid_dct) factors: [i32; 4],
+}
+
+impl Means<'_> {
+    /// The share of the means at a place in the expected magnitudes.
+    #[inline(always)]
+    pub(super) fn at(&self, place: u8) -> [i32; 4] {
+        // Far from overflow: the largest mean times the largest factor is less than 2³¹.
+        self.factors
+            .map(|factor| (factor.wrapping_mul(self.places[usize::from(place)]) >> FACTOR_BITS) + 1)
+    }
+}
+
+/// A component's factor: 64·2^(quarters/4), rounded.
+pub(super) fn factor(quarters: i8) -> i32 {
+    const MANTISSAS: [u64; 4] = [1 << 16, 77_936, 92_682, 110_218];
+    let quarters = i32::from(quarters.clamp(*FACTOR_QUARTERS.start(), *FACTOR_QUARTERS.end()));
+    let mantissa = MANTISSAS[quarters.rem_euclid(4) as usize];
+    let shift = 16 - FACTOR_BITS as i32 - quarters.div_euclid(4);
+    ((mantissa + (1 << (shift - 1))) >> shift) as i32
+}
 
 /// The share of the mean magnitude's class in the expected magnitude.
 pub(super) fn mean_of_class(class: u8) -> i32 {
@@ -63,9 +96,14 @@ pub(super) fn mean_of_class(class: u8) -> i32 {
     ((4 + (class & 3)) << (class >> 2)) >> 2
 }
 
+/// What a mean magnitude of one is in [`mean_of_class`].
+pub(super) fn mean_unit() -> f64 {
+    f64::from(MEAN_WEIGHT * UNIT)
+}
+
 /// The class of a mean magnitude: the last one that is not larger than it by more than half a class.
 pub(super) fn class_of_mean(mean: f64) -> u8 {
-    let wanted = mean * f64::from(MEAN_WEIGHT * UNIT);
+    let wanted = mean * mean_unit();
     let above = |class: u8| f64::from(mean_of_class(class) + mean_of_class(class + 1)) / 2.0 <= wanted;
     (0..MEAN_CLASSES - 1)
         .find(|&class| !above(class))
@@ -102,11 +140,11 @@ impl Expected {
         }
     }
 
-    /// The contexts at a place whose mean is `mean`, from [`mean_of_class`]. What was known for the place is forgotten.
+    /// The contexts at a place with these means, from [`Means::at`]. What was known for the place is forgotten.
     #[inline(always)]
-    pub(super) fn take(&mut self, place: u16, mean: i32) -> [Context; 4] {
+    pub(super) fn take(&mut self, place: u16, means: [i32; 4]) -> [Context; 4] {
         let sums = std::mem::take(&mut self.0[usize::from(place)]);
-        sums.map(|sum| context(class(sum.wrapping_add(mean))))
+        std::array::from_fn(|c| context(class(sums[c].wrapping_add(means[c]))))
     }
 
     /// Forgets what is known for the next block, all places of the first `end` diagonals being taken.
@@ -184,10 +222,14 @@ mod tests {
         for (u, v) in [(0, 2), (1, 1), (1, 2), (2, 0), (2, 1)] {
             expected.add(grid_index(u, v), [LARGEST as i32; 4]);
         }
-        let mean = mean_of_class(MEAN_CLASSES - 1);
+        let means = Means {
+            places: &[mean_of_class(MEAN_CLASSES - 1); AREA],
+            factors: [factor(*FACTOR_QUARTERS.end()); 4],
+        };
+        assert!(means.places[0].checked_mul(means.factors[0]).is_some());
         let sum = expected.0[usize::from(grid_index(2, 2))][0];
-        assert!(sum > 0 && sum.checked_add(mean).is_some());
-        let found = expected.take(grid_index(2, 2), mean);
+        assert!(sum > 0 && sum.checked_add(means.at(0)[0]).is_some());
+        let found = expected.take(grid_index(2, 2), means.at(0));
         assert!(found.iter().all(|context| context.shift > 0));
         assert_eq!(magnitude(i32::MIN), LARGEST as i32);
     }
@@ -223,7 +265,7 @@ mod tests {
             for end in 0..40 {
                 let mut expected = Expected::new();
                 for place in scan.places(end) {
-                    expected.take(place.grid, 1);
+                    expected.take(place.grid, [1; 4]);
                     expected.add(place.grid, [1, 0, 2, 0]);
                 }
                 expected.forget(&scan, end);
@@ -243,9 +285,17 @@ mod tests {
     #[test]
     fn classes_of_means_are_near() {
         for mean in [0.01, 0.1, 0.5, 1.0, 3.0, 20.0] {
-            let found = f64::from(mean_of_class(class_of_mean(mean))) / f64::from(MEAN_WEIGHT * UNIT);
+            let found = f64::from(mean_of_class(class_of_mean(mean))) / mean_unit();
             assert!((found / mean - 1.0).abs() < 0.15, "{mean} {found}");
         }
         assert_eq!(mean_of_class(class_of_mean(0.0)), 1);
+    }
+
+    #[test]
+    fn factors_are_near() {
+        for quarters in FACTOR_QUARTERS {
+            let exact = 64.0 * (f64::from(quarters) / 4.0).exp2();
+            assert!((f64::from(factor(quarters)) - exact).abs() <= 0.5, "{quarters}");
+        }
     }
 }

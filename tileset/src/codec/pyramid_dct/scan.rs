@@ -69,11 +69,6 @@ impl Scan {
     pub(super) fn is_full(&self) -> bool {
         self.full
     }
-
-    /// How many diagonals hold the first `places` places.
-    pub(super) fn diagonals(&self, places: usize) -> usize {
-        self.starts.partition_point(|&start| usize::from(start) < places)
-    }
 }
 
 /// The number of a place in the scan of a block of `size` without the lowest `low`, in closed form: as decoders find it
@@ -138,10 +133,6 @@ mod tests {
                 .map(|&at| usize::from(at) / SIDE + usize::from(at) % SIDE)
                 .collect();
             assert!(sums.is_sorted());
-            for (count, &sum) in (1..).zip(&sums) {
-                assert_eq!(scan.diagonals(count), sum + 1);
-            }
-            assert_eq!(scan.diagonals(0), 0);
             assert!(scan.places(0).is_empty());
             for diagonals in 0..=DIAGONALS {
                 let count = sums.iter().filter(|&&sum| sum < diagonals).count();

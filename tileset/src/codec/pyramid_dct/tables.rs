@@ -2,8 +2,10 @@
 
 use bytemuck::Zeroable;
 
-use super::context::{Context, MEAN_CLASSES, MODELS, class_of_mean, mean_of_class};
-use super::levels::{END_MODELS, ESCAPE, Found, SYMBOLS, Sink, symbol_of};
+use super::context::{
+    Context, FACTOR_QUARTERS, MEAN_CLASSES, MODELS, Means, class_of_mean, factor, mean_of_class, mean_unit,
+};
+use super::levels::{END_MODELS, ESCAPE, Found, SYMBOLS, Sink, end_model, symbol_of};
 use super::scan::DIAGONALS;
 use super::transform::AREA;
 use crate::codec::rans::{Buckets, Model, read_models, write_models};
@@ -14,17 +16,18 @@ const BUNDLE_GROUPS: usize = 5;
 /// Reconstruction points are multiples of 1/128 of a step.
 const OFFSET_UNIT: f32 = 1.0 / 128.0;
 /// Most bytes of tables before compression: all mips of the largest archive with the most components.
-const MAX_RAW_BYTES: usize = 17 * 52 * AREA + (MODELS + END_MODELS) * 130 + 2 * MODELS + 16;
+const MAX_RAW_BYTES: usize = 17 * (52 * AREA + 1024) + (MODELS + END_MODELS) * 130 + 2 * MODELS + 16;
 
 /// What all pages of an archive share.
 #[derive(Clone)]
 pub struct PageTables {
-    mips: usize,
-    bundles: usize,
+    extent: Extent,
     /// Class of the mean magnitude, `[mip][bundle][v][u]`.
     classes: Vec<u8>,
     /// The same as [`mean_of_class`] gives it.
     means: Vec<[i32; AREA]>,
+    /// How many times more a component has, in quarters of an octave, `[mip][group][component of the group]`.
+    quarters: Vec<[i8; 4]>,
     /// Models of levels by context.
     pub(super) models: Vec<Model>,
     /// Models of the number of diagonals.
@@ -42,7 +45,7 @@ pub struct PageTables {
 
 impl std::fmt::Debug for PageTables {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "PageTables({} mips, {} bundles)", self.mips, self.bundles)
+        write!(f, "PageTables({:?})", self.extent)
     }
 }
 
@@ -52,18 +55,42 @@ impl PartialEq for PageTables {
     }
 }
 
-/// Mips and bundles of an archive.
-fn extent(pyramid: &Pyramid, groups: u32) -> (usize, usize) {
-    (
-        usize::from(pyramid.tail_mip()) + 1,
-        (groups as usize).div_ceil(BUNDLE_GROUPS),
-    )
+/// Mips and groups of an archive.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Extent {
+    mips: usize,
+    groups: usize,
+}
+
+impl Extent {
+    fn new(pyramid: &Pyramid, groups: u32) -> Self {
+        Self {
+            mips: usize::from(pyramid.tail_mip()) + 1,
+            groups: groups as usize,
+        }
+    }
+
+    fn bundles(self) -> usize {
+        self.groups.div_ceil(BUNDLE_GROUPS)
+    }
+
+    /// Number of a mip and a group among those of all.
+    fn group(self, mip: u8, group: u16) -> usize {
+        usize::from(mip).min(self.mips - 1) * self.groups + usize::from(group).min(self.groups - 1)
+    }
+
+    /// Number of a mip and the bundle of a group among those of all.
+    fn bundle(self, mip: u8, group: u16) -> usize {
+        let bundle = (usize::from(group) / BUNDLE_GROUPS).min(self.bundles() - 1);
+        usize::from(mip).min(self.mips - 1) * self.bundles() + bundle
+    }
 }
 
 impl PageTables {
     fn new(
-        (mips, bundles): (usize, usize),
+        extent: Extent,
         classes: Vec<u8>,
+        quarters: Vec<[i8; 4]>,
         models: Vec<Model>,
         ends: Vec<Model>,
         offsets: Vec<[i8; 2]>,
@@ -89,8 +116,8 @@ impl PageTables {
             .iter()
             .map(|model| std::array::from_fn(|symbol| model.bits(symbol)));
         Self {
-            mips,
-            bundles,
+            extent,
+            quarters,
             bits: bits.collect(),
             classes,
             means,
@@ -103,9 +130,11 @@ impl PageTables {
     }
 
     /// Expected magnitudes of the coefficients of a group at a mip.
-    pub(super) fn means(&self, mip: u8, group: u16) -> &[i32; AREA] {
-        let bundle = (usize::from(group) / BUNDLE_GROUPS).min(self.bundles - 1);
-        &self.means[usize::from(mip).min(self.mips - 1) * self.bundles + bundle]
+    pub(super) fn means(&self, mip: u8, group: u16) -> Means<'_> {
+        Means {
+            places: &self.means[self.extent.bundle(mip, group)],
+            factors: self.quarters[self.extent.group(mip, group)].map(factor),
+        }
     }
 
     /// The coefficient in steps that a level stands for.
@@ -128,6 +157,13 @@ impl PageTables {
         }
     }
 
+    /// Bits of a block's number of diagonals, given that of the block before; 0 without models.
+    pub(super) fn end_bits(&self, last_end: usize, end: usize) -> f32 {
+        self.ends
+            .get(end_model(last_end))
+            .map_or(0.0, |model| model.bits(end))
+    }
+
     /// Whether there are models, and not only statistics of frequencies.
     pub(super) fn is_trained(&self) -> bool {
         !self.models.is_empty()
@@ -143,6 +179,12 @@ impl PageTables {
 
     fn raw_bytes(&self) -> Vec<u8> {
         let mut bytes = self.classes.clone();
+        bytes.extend(
+            self.quarters
+                .as_flattened()
+                .iter()
+                .map(|&quarters| quarters as u8),
+        );
         bytes.extend(self.offsets.iter().flatten().map(|&offset| offset as u8));
         write_models(&self.models, &mut bytes);
         write_models(&self.ends, &mut bytes);
@@ -154,14 +196,18 @@ impl PageTables {
     /// # Errors
     /// [`crate::Error::Corrupt`].
     pub fn from_bytes(bytes: &[u8], pyramid: &Pyramid, groups: u32) -> Result<Self> {
-        Self::parse(bytes, extent(pyramid, groups))
+        Self::parse(bytes, Extent::new(pyramid, groups))
             .map_err(|detail| corrupt("tables of the page codec", 0, detail))
     }
 
-    fn parse(bytes: &[u8], (mips, bundles): (usize, usize)) -> std::result::Result<Self, String> {
+    fn parse(bytes: &[u8], extent: Extent) -> std::result::Result<Self, String> {
         let raw = frame::decompress(bytes, MAX_RAW_BYTES)?;
         let short = || format!("{} bytes are too few", raw.len());
-        let (classes, rest) = raw.split_at_checked(mips * bundles * AREA).ok_or_else(short)?;
+        let Extent { mips, groups } = extent;
+        let (classes, rest) = raw
+            .split_at_checked(mips * extent.bundles() * AREA)
+            .ok_or_else(short)?;
+        let (quarters, rest) = rest.split_at_checked(4 * mips * groups).ok_or_else(short)?;
         let (offsets, mut rest) = rest.split_at_checked(2 * MODELS).ok_or_else(short)?;
         let models = read_models(&mut rest, MODELS)?;
         let ends = read_models(&mut rest, END_MODELS)?;
@@ -176,14 +222,28 @@ impl PageTables {
         if let Some(class) = classes.iter().find(|&&class| class >= MEAN_CLASSES) {
             return Err(format!("class {class} of a mean magnitude, {MEAN_CLASSES} exist"));
         }
+        let quarters: Vec<_> = quarters
+            .as_chunks::<4>()
+            .0
+            .iter()
+            .map(|four| four.map(|quarters| quarters as i8))
+            .collect();
+        if let Some(bad) = quarters
+            .as_flattened()
+            .iter()
+            .find(|bad| !FACTOR_QUARTERS.contains(bad))
+        {
+            return Err(format!("factor {bad} of a component, {FACTOR_QUARTERS:?} exist"));
+        }
         let offsets = offsets
             .as_chunks::<2>()
             .0
             .iter()
             .map(|pair| pair.map(|offset| offset as i8));
         Ok(Self::new(
-            (mips, bundles),
+            extent,
             classes.to_vec(),
+            quarters,
             models,
             ends,
             offsets.collect(),
@@ -204,11 +264,12 @@ fn value(offsets: [i8; 2], level: i32) -> f32 {
 /// Sums over coefficients, from which tables are made. Those of several groups are added up.
 #[derive(Clone, Debug)]
 pub struct Statistics {
-    mips: usize,
-    bundles: usize,
+    extent: Extent,
     contexts: bool,
     /// Sum of magnitudes and number of coefficients, `[mip][bundle][v][u]`.
     magnitudes: Vec<(u64, u64)>,
+    /// Sum of magnitudes and of the means at their places, `[mip][group]`, for each component of the group.
+    components: Vec<[(u64, u64); 4]>,
     levels: Vec<[u32; SYMBOLS]>,
     ends: Vec<[u32; DIAGONALS + 1]>,
     /// By context, for levels of one and of more: sum of how much larger the coefficients are, in steps, and their
@@ -219,12 +280,12 @@ pub struct Statistics {
 impl Statistics {
     /// Nothing counted yet. `contexts` says that contexts will be known while counting, so that models can be made.
     pub(super) fn new(pyramid: &Pyramid, groups: u32, contexts: bool) -> Self {
-        let (mips, bundles) = extent(pyramid, groups);
+        let extent = Extent::new(pyramid, groups);
         Self {
-            mips,
-            bundles,
+            extent,
             contexts,
-            magnitudes: vec![(0, 0); mips * bundles * AREA],
+            magnitudes: vec![(0, 0); extent.mips * extent.bundles() * AREA],
+            components: vec![[(0, 0); 4]; extent.mips * extent.groups],
             levels: vec![[0; SYMBOLS]; MODELS],
             ends: vec![[0; DIAGONALS + 1]; END_MODELS],
             offsets: vec![[(0.0, 0); 2]; MODELS],
@@ -236,8 +297,13 @@ impl Statistics {
     /// # Panics
     /// If it is of an archive of other sizes.
     pub fn add(&mut self, other: &Statistics) {
-        assert_eq!((self.mips, self.bundles), (other.mips, other.bundles));
-        for (sum, other) in self.magnitudes.iter_mut().zip(&other.magnitudes) {
+        assert_eq!(self.extent, other.extent);
+        let sums = self
+            .magnitudes
+            .iter_mut()
+            .chain(self.components.as_flattened_mut());
+        let others = other.magnitudes.iter().chain(other.components.as_flattened());
+        for (sum, other) in sums.zip(others) {
             *sum = (sum.0 + other.0, sum.1 + other.1);
         }
         let counts = self
@@ -270,9 +336,21 @@ impl Statistics {
             .iter()
             .map(|&(sum, count)| class_of_mean(sum as f64 / count.max(1) as f64))
             .collect();
-        let extent = (self.mips, self.bundles);
+        let unit = mean_unit();
+        let quarters = self.components.iter().map(|components| {
+            components.map(|(sum, of_means)| {
+                let ratio = sum as f64 * unit / of_means as f64;
+                // Nothing counted is no number, and no factor.
+                (4.0 * ratio.log2()).round().clamp(
+                    f64::from(*FACTOR_QUARTERS.start()),
+                    f64::from(*FACTOR_QUARTERS.end()),
+                ) as i8
+            })
+        });
+        let quarters = quarters.collect();
         if !self.contexts {
-            return PageTables::new(extent, classes, Vec::new(), Vec::new(), Vec::new());
+            let quarters = vec![[0; 4]; self.components.len()];
+            return PageTables::new(self.extent, classes, quarters, Vec::new(), Vec::new(), Vec::new());
         }
         let models = self.levels.iter().map(|counts| {
             let mut counts = *counts;
@@ -292,13 +370,22 @@ impl Statistics {
             })
         });
         let offsets = offsets.collect();
-        PageTables::new(extent, classes, models.collect(), ends.collect(), offsets)
+        PageTables::new(
+            self.extent,
+            classes,
+            quarters,
+            models.collect(),
+            ends.collect(),
+            offsets,
+        )
     }
 }
 
 /// Counts the symbols of a group's pages at a mip.
 pub(super) struct Counter<'a> {
     pub(super) statistics: &'a mut Statistics,
+    /// The means that are known.
+    pub(super) means: Means<'a>,
     pub(super) mip: u8,
     pub(super) group: u16,
 }
@@ -309,8 +396,12 @@ impl Sink for Counter<'_> {
     }
 
     fn levels(&mut self, found: &[Found; 4]) {
-        for found in found {
+        let group = self.statistics.extent.group(self.mip, self.group);
+        for (c, found) in found.iter().enumerate() {
             self.level(found);
+            let (sum, of_means) = &mut self.statistics.components[group][c];
+            *sum += u64::from(found.level.unsigned_abs());
+            *of_means += self.means.places[usize::from(found.like)] as u64;
         }
     }
 }
@@ -322,8 +413,7 @@ impl Counter<'_> {
         let symbol = symbol_of(level, context.shift).unwrap_or(ESCAPE);
         statistics.levels[usize::from(context.model)][symbol] += 1;
 
-        let bundle = usize::from(self.group) / BUNDLE_GROUPS;
-        let place = (usize::from(self.mip) * statistics.bundles + bundle) * AREA + usize::from(found.like);
+        let place = statistics.extent.bundle(self.mip, self.group) * AREA + usize::from(found.like);
         let (sum, count) = &mut statistics.magnitudes[place];
         *sum += u64::from(level.unsigned_abs());
         *count += 1;

@@ -1,6 +1,6 @@
 //! Bytes to symbols.
 
-use super::{Buckets, LANES, LEAST_STATE, PROBABILITY_BITS, WORD_BITS, alias};
+use super::{Buckets, LANES, LEAST_STATE, PROBABILITY_BITS, WORD_BITS, alias, stored::read_states};
 
 /// The symbol of a state, and the state behind it; not renormalized.
 #[inline(always)]
@@ -17,35 +17,25 @@ fn step(state: u32, model: &Buckets) -> (usize, u32) {
 pub(crate) struct Decoder<'a> {
     pub(crate) states: [u32; LANES],
     words: &'a [[u8; 2]],
-    /// Words taken; goes on counting behind the last, where all words are 0.
+    /// Words taken.
     position: usize,
 }
 
 impl<'a> Decoder<'a> {
     /// Starts; the message says why the bytes cannot be a stream.
     pub(crate) fn new(bytes: &'a [u8]) -> Result<Self, String> {
-        let (states, words) = match bytes.split_at_checked(LANES * 4) {
-            Some((states, words)) => (states.as_chunks::<4>().0, words.as_chunks::<2>()),
-            None if bytes.is_empty() => (&[][..], (&[][..], &[][..])),
-            None => {
-                return Err(format!(
-                    "{} bytes hold no states of the entropy coder",
-                    bytes.len()
-                ));
-            }
+        let (states, words) = match bytes {
+            [] => ([1; LANES], bytes),
+            _ => read_states(bytes)?,
         };
-        if !words.1.is_empty() {
-            return Err("half a word follows the entropy coded data".into());
-        }
-        Ok(Self {
-            states: std::array::from_fn(|lane| {
-                states
-                    .get(lane)
-                    .map_or(LEAST_STATE, |state| u32::from_le_bytes(*state))
+        match words.as_chunks::<2>() {
+            (words, []) => Ok(Self {
+                states,
+                words,
+                position: 0,
             }),
-            words: words.0,
-            position: 0,
-        })
+            _ => Err("half a word follows the entropy coded data".into()),
+        }
     }
 
     /// The next symbol.
@@ -79,20 +69,21 @@ impl<'a> Decoder<'a> {
 
     #[inline(always)]
     fn renormalize(&mut self, lane: usize, state: u32) {
-        let short = state < LEAST_STATE;
-        let word = self.words.get(self.position).copied().unwrap_or_default();
+        let word = self.words.get(self.position);
+        let short = state < LEAST_STATE && word.is_some();
+        let word = word.copied().unwrap_or_default();
         let longer = state << WORD_BITS | u32::from(u16::from_le_bytes(word));
         self.states[lane & (LANES - 1)] = if short { longer } else { state };
-        self.position = self.position.wrapping_add(usize::from(short));
+        self.position += usize::from(short);
     }
 
-    /// Takes a word for each state that is too short, lane by lane.
+    /// Takes a word for each state that is too short, lane by lane, as long as there are words.
     #[inline(always)]
     fn renormalize_all(&mut self, states: [u32; LANES]) {
-        let mut window = self.window();
+        let (mut window, left) = self.window();
         let mut taken = 0;
         for (to, state) in self.states.iter_mut().zip(states) {
-            let short = state < LEAST_STATE;
+            let short = state < LEAST_STATE && taken < left;
             let longer = state << WORD_BITS | window as u32 & ((1 << WORD_BITS) - 1);
             *to = if short { longer } else { state };
             window >>= if short { WORD_BITS } else { 0 };
@@ -101,36 +92,36 @@ impl<'a> Decoder<'a> {
         self.take(taken);
     }
 
-    /// The next four words, the first in the lowest bits.
+    /// The next words, at most four, the first in the lowest bits, and their number.
     #[inline(always)]
-    pub(crate) fn window(&self) -> u64 {
+    pub(crate) fn window(&self) -> (u64, u32) {
         match self
             .words
             .get(self.position..)
             .and_then(<[_]>::first_chunk::<LANES>)
         {
-            Some(words) => u64::from_le_bytes(bytemuck::cast(*words)),
+            Some(words) => (u64::from_le_bytes(bytemuck::cast(*words)), LANES as u32),
             None => self.last_words(),
         }
     }
 
-    /// Goes on by so many words.
+    /// The next words where there are fewer than lanes, and their number.
+    #[cold]
+    fn last_words(&self) -> (u64, u32) {
+        let words = self.words.get(self.position..).unwrap_or_default();
+        let window = words.iter().rev().fold(0, |window, word| {
+            window << WORD_BITS | u64::from(u16::from_le_bytes(*word))
+        });
+        (window, words.len() as u32)
+    }
+
+    /// Goes on by so many words, at most those of the window.
     #[inline(always)]
     pub(crate) fn take(&mut self, words: u32) {
-        self.position = self.position.wrapping_add(words as usize);
+        self.position += words as usize;
     }
 
-    /// The next words where there may be fewer than lanes.
-    #[cold]
-    fn last_words(&self) -> u64 {
-        let words: [[u8; 2]; LANES] = std::array::from_fn(|i| {
-            let place = self.position.wrapping_add(i);
-            self.words.get(place).copied().unwrap_or_default()
-        });
-        u64::from_le_bytes(bytemuck::cast(words))
-    }
-
-    /// Checks that the stream ends here, in the state where the encoder began; the message says what is wrong.
+    /// Checks that the stream ends here, in states in which an encoder may have begun; the message says what is wrong.
     pub(crate) fn finish(self) -> Result<(), String> {
         if self.position != self.words.len() {
             return Err(format!(
@@ -139,7 +130,7 @@ impl<'a> Decoder<'a> {
                 self.words.len()
             ));
         }
-        if self.states != [LEAST_STATE; LANES] {
+        if self.states.iter().any(|&state| state > LEAST_STATE) {
             return Err("the entropy coded data does not end where its encoder began".into());
         }
         Ok(())

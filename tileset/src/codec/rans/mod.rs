@@ -7,8 +7,11 @@
 //! [`Encoder::bits`]: there is no second stream and no length to store.
 //!
 //! Integers only, so the same bytes come and go on every platform. Damaged bytes give wrong symbols of the
-//! model's alphabet, never a panic or a read out of bounds. [`Decoder::finish`] tells of most damage, but not
+//! model's alphabet, never a panic or a read out of bounds. [`Decoder::finish`] tells of some damage, but not
 //! of all: a changed sign, say, is another valid stream. Checksums are for the container.
+//!
+//! Streams are short, some twenty bytes, so states begin and are stored with no more bits than they need. When all words
+//! are taken, states are not renormalized any more: an encoder begins with 1 and not with 2¹⁶, and loses no word by it.
 //!
 //! What symbol a slot belongs to is found by the alias method: each bucket of slots is shared by two symbols at most, so
 //! that one entry of eight bytes answers, and all models of a codec fit the first-level cache.

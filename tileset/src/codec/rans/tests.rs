@@ -65,8 +65,8 @@ proptest! {
         let bytes = encode(&models, &items);
         prop_assert!(decodes(&models, &items, &bytes));
         if !bytes.is_empty() {
-            prop_assert!(!decodes(&models, &items, &bytes[..bytes.len() - 2]));
-            prop_assert!(!decodes(&models, &items, &[&bytes[..], &[0; 2]].concat()));
+            prop_assert!(!decodes(&models, &items, &bytes[..bytes.len() - 1]));
+            prop_assert!(!decodes(&models, &items, &[&bytes[..], &[1]].concat()));
         }
     }
 
@@ -147,17 +147,5 @@ fn normalization_is_the_best_there_is() {
             .map(|frequencies| length(&frequencies))
             .fold(f64::INFINITY, f64::min);
         assert!(length(&normalize(&counts)) <= best + 1e-6 * best.abs());
-    }
-}
-
-#[test]
-fn any_flipped_bit_is_found() {
-    let models = models();
-    let items: Vec<Item> = (0..200).map(|i| Item::Symbol(i % 4, 1, i * i % 5)).collect();
-    let bytes = encode(&models, &items);
-    for bit in 0..bytes.len() * 8 {
-        let mut bad = bytes.clone();
-        bad[bit / 8] ^= 1 << (bit % 8);
-        assert!(!decodes(&models, &items, &bad), "bit {bit}");
     }
 }

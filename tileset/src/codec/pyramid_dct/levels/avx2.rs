@@ -10,7 +10,7 @@ use crate::codec::pyramid_dct::context::{
 };
 use crate::codec::pyramid_dct::scan::Scan;
 use crate::codec::pyramid_dct::transform::Block;
-use crate::codec::rans::{Bucket, PROBABILITY_BITS};
+use crate::codec::rans::{Bucket, LANES, PROBABILITY_BITS};
 use crate::codec::texel::Texel;
 
 /// The lanes as indices into tables of 64 times 64 entries.
@@ -46,13 +46,17 @@ impl Reader<'_> {
         let expected: &mut [__m128i; GRID_AREA] = bytemuck::cast_mut(&mut known.0);
         let mut states: __m128i = bytemuck::cast(reader.decoder.states);
         let steps = _mm_set1_ps(step);
+        let factors: __m128i = bytemuck::cast(reader.means.factors);
         let all = |value: i32| _mm_set1_epi32(value);
         for place in scan.places(end) {
-            let window = _mm_cvtsi64_si128(reader.decoder.window() as i64);
+            let (window, left) = reader.decoder.window();
+            let window = _mm_cvtsi64_si128(window as i64);
             let grid = usize::from(place.grid);
-            let mean = _mm_set1_epi32(reader.means[usize::from(place.like)]);
+            // As `Means::at`.
+            let mean = all(reader.means.places[usize::from(place.like)]);
+            let means = _mm_add_epi32(_mm_srai_epi32::<6>(_mm_mullo_epi32(mean, factors)), all(1));
             let known = std::mem::replace(&mut expected[grid], _mm_setzero_si128());
-            let bits = _mm_castps_si128(_mm_cvtepi32_ps(_mm_add_epi32(known, mean)));
+            let bits = _mm_castps_si128(_mm_cvtepi32_ps(_mm_add_epi32(known, means)));
             let classes = _mm_sub_epi32(_mm_srli_epi32::<21>(bits), all(127 << 2));
             let shifted = _mm_cmpgt_epi32(classes, all(FIRST_SHIFTED - 1));
             let models = _mm_blendv_epi8(
@@ -90,7 +94,7 @@ impl Reader<'_> {
             let advanced = _mm_add_epi32(advanced, _mm_add_epi32(positions, offsets));
 
             // As `Decoder::renormalize_all`.
-            let short = _mm_cmpeq_epi32(_mm_srli_epi32::<16>(advanced), _mm_setzero_si128());
+            let mut short = _mm_cmpeq_epi32(_mm_srli_epi32::<16>(advanced), _mm_setzero_si128());
             // Where each lane's word lies in the window, in bytes: two for each lane before it that takes one. A table by the
             // mask would be shorter, but the next symbol waits for this.
             let taken = _mm_slli_si128::<4>(_mm_and_si128(short, all(0x0202)));
@@ -98,6 +102,11 @@ impl Reader<'_> {
                 _mm_add_epi32(taken, all(0x8080_0100_u32 as i32)),
                 _mm_add_epi32(_mm_slli_si128::<4>(taken), _mm_slli_si128::<8>(taken)),
             );
+            if left < LANES as u32 {
+                // Those for which no words are left go without.
+                let places = _mm_and_si128(places, all(0xff));
+                short = _mm_and_si128(short, _mm_cmpgt_epi32(all(2 * left as i32), places));
+            }
             let words = _mm_shuffle_epi8(window, places);
             let longer = _mm_or_si128(_mm_slli_epi32::<16>(advanced), words);
             states = _mm_blendv_epi8(advanced, longer, short);

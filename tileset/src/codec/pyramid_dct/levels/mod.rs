@@ -11,7 +11,7 @@ mod read;
 mod write;
 
 pub(super) use read::Reader;
-pub(super) use write::{Coder, Found, Sink, write};
+pub(super) use write::{Chosen, Coder, Found, Sink, choose_levels};
 
 /// Largest level, in units of 2^shift, that is a symbol of its own.
 pub(super) const LARGEST_SYMBOL: u32 = 30;

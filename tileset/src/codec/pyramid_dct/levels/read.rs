@@ -1,10 +1,10 @@
 //! Symbols to levels to coefficients.
 
 use super::{ESCAPE, MAX_LEVEL, end_model};
-use crate::codec::pyramid_dct::context::{Context, Expected, magnitude};
+use crate::codec::pyramid_dct::context::{Context, Expected, Means, magnitude};
 use crate::codec::pyramid_dct::scan::Scan;
 use crate::codec::pyramid_dct::tables::PageTables;
-use crate::codec::pyramid_dct::transform::{AREA, Block};
+use crate::codec::pyramid_dct::transform::Block;
 use crate::codec::rans::{Buckets, Decoder};
 use crate::codec::texel::Texel;
 
@@ -17,7 +17,7 @@ pub(in crate::codec::pyramid_dct) struct Reader<'a> {
     pub(super) buckets: &'a [Buckets; 64],
     /// Coefficients in steps, by model and symbol.
     pub(super) values: &'a [[f32; 64]; 64],
-    pub(super) means: &'a [i32; AREA],
+    pub(super) means: Means<'a>,
     /// Diagonals of the last block.
     pub(super) last_end: usize,
 }
@@ -27,7 +27,7 @@ impl<'a> Reader<'a> {
     pub(in crate::codec::pyramid_dct) fn new(
         bytes: &'a [u8],
         tables: &'a PageTables,
-        means: &'a [i32; AREA],
+        means: Means<'a>,
     ) -> Result<Self, String> {
         if !tables.is_trained() {
             return Err("tables of the page codec without models".to_owned());
@@ -67,7 +67,7 @@ impl<'a> Reader<'a> {
         // A copy, so that states stay in registers.
         let mut reader = *self;
         for place in scan.places(end) {
-            let contexts = expected.take(place.grid, reader.means[usize::from(place.like)]);
+            let contexts = expected.take(place.grid, reader.means.at(place.like));
             let models = contexts.map(|context| usize::from(context.model) % 64);
             let symbols = reader.decoder.symbols(models.map(|model| &reader.buckets[model]));
             let (values, magnitudes) = if symbols

@@ -1,10 +1,10 @@
 //! Coefficients to levels to symbols.
 
 use super::{ESCAPE, end_model, symbol_of};
-use crate::codec::pyramid_dct::context::{Context, Expected, magnitude};
+use crate::codec::pyramid_dct::context::{Context, Expected, Means, magnitude};
 use crate::codec::pyramid_dct::scan::{DIAGONALS, Place, Scan};
 use crate::codec::pyramid_dct::tables::PageTables;
-use crate::codec::pyramid_dct::transform::{AREA, Block};
+use crate::codec::pyramid_dct::transform::Block;
 use crate::codec::rans::{Encoder, Model};
 
 /// Takes symbols: counts or codes them.
@@ -28,45 +28,88 @@ pub(in crate::codec::pyramid_dct) struct Found {
     pub level: i32,
 }
 
-/// Chooses the levels of a block of coefficients, given in steps, and gives them to `sink`; returns the number of
-/// diagonals.
-pub(in crate::codec::pyramid_dct) fn write(
-    sink: &mut impl Sink,
+/// The levels of a block.
+pub(in crate::codec::pyramid_dct) struct Chosen {
+    /// Diagonals that are coded.
+    pub(in crate::codec::pyramid_dct) end: usize,
+    /// Those of all places of these diagonals.
+    levels: Vec<[Found; 4]>,
+    /// Squared error and bits that are worth it, together; in squared steps.
+    pub(in crate::codec::pyramid_dct) cost: f32,
+    /// The squared error if the block were empty.
+    pub(in crate::codec::pyramid_dct) energy: f32,
+}
+
+impl Chosen {
+    /// Gives the levels to `sink`; returns the number of diagonals.
+    pub(in crate::codec::pyramid_dct) fn write(&self, sink: &mut impl Sink, last_end: usize) -> usize {
+        sink.end(end_model(last_end), self.end);
+        for found in &self.levels {
+            sink.levels(found);
+        }
+        self.end
+    }
+}
+
+/// Chooses the levels of a block of coefficients, given in steps. `choose` gives the level of a coefficient and what
+/// it costs, `end_cost` what a number of diagonals costs, both in squared steps.
+pub(in crate::codec::pyramid_dct) fn choose_levels(
     scan: &Scan,
-    means: &[i32; AREA],
-    last_end: usize,
+    means: Means,
     coefficients: &Block,
-    choose: impl Fn(f32, Context) -> i32,
-) -> usize {
+    choose: impl Fn(f32, Context) -> (i32, f32),
+    end_cost: impl Fn(usize) -> f32,
+) -> Chosen {
     let places = scan.places(DIAGONALS);
     let mut levels = Vec::with_capacity(places.len());
-    let mut coded = 0;
     let mut expected = Expected::new();
-    for &Place { at, grid, like } in places {
-        let contexts = expected.take(grid, means[usize::from(like)]);
-        let coefficient = coefficients[usize::from(at)].0;
-        let found: [Found; 4] = std::array::from_fn(|c| {
-            let (context, coefficient) = (contexts[c], coefficient[c]);
-            let level = choose(coefficient, context);
-            Found {
-                like,
-                context,
-                coefficient,
-                level,
+    let energy: f32 = places
+        .iter()
+        .flat_map(|place| coefficients[usize::from(place.at)].0)
+        .map(|value| value * value)
+        .sum();
+    // What the places so far cost, and what all behind them do if they are left out.
+    let (mut cost, mut rest) = (0.0, energy);
+    let (mut best, mut end) = (energy + end_cost(0), 0);
+    for diagonal in 1..=DIAGONALS {
+        let first = levels.len();
+        let of_diagonal = &scan.places(diagonal)[first..];
+        let mut empty = true;
+        for &Place { at, grid, like } in of_diagonal {
+            let contexts = expected.take(grid, means.at(like));
+            let coefficient = coefficients[usize::from(at)].0;
+            let found: [Found; 4] = std::array::from_fn(|c| {
+                let (context, coefficient) = (contexts[c], coefficient[c]);
+                let (level, level_cost) = choose(coefficient, context);
+                cost += level_cost;
+                rest -= coefficient * coefficient;
+                Found {
+                    like,
+                    context,
+                    coefficient,
+                    level,
+                }
+            });
+            levels.push(found);
+            if found.iter().any(|found| found.level != 0) {
+                empty = false;
+                expected.add(grid, found.map(|found| magnitude(found.level)));
             }
-        });
-        levels.push(found);
-        if found.iter().any(|found| found.level != 0) {
-            coded = levels.len();
-            expected.add(grid, found.map(|found| magnitude(found.level)));
+        }
+        if !empty {
+            let total = cost + rest + end_cost(diagonal);
+            if total < best {
+                (best, end) = (total, diagonal);
+            }
         }
     }
-    let end = scan.diagonals(coded);
-    sink.end(end_model(last_end), end);
-    for found in &levels[..scan.places(end).len()] {
-        sink.levels(found);
+    levels.truncate(scan.places(end).len());
+    Chosen {
+        end,
+        levels,
+        cost: best,
+        energy,
     }
-    end
 }
 
 /// Codes with the models of `tables`.

@@ -2,7 +2,7 @@
 
 use super::{Blocks, scan_of, step_at};
 use crate::codec::pyramid_dct::context::Context;
-use crate::codec::pyramid_dct::levels::{self, Coder, MAX_LEVEL, Sink};
+use crate::codec::pyramid_dct::levels::{Chosen, Coder, MAX_LEVEL, Sink, choose_levels};
 use crate::codec::pyramid_dct::tables::{Counter, PageTables, Statistics};
 use crate::codec::pyramid_dct::transform::{AREA, Block, SIDE, forward};
 use crate::codec::rans::Encoder;
@@ -14,6 +14,8 @@ use crate::{Error, PAGE_TEXELS, PageId, Pyramid, Result, Tile};
 const ERROR_PER_BIT: f32 = std::f32::consts::LN_2 / 6.0;
 /// Rounding before anything is known of the distribution.
 const FIRST_ROUNDING: f32 = 0.4;
+/// Bits of a record beside its symbols: states, checksum, length and weight.
+const RECORD_BITS: f32 = 90.0;
 
 /// One page's record.
 #[derive(Clone, Debug, PartialEq)]
@@ -92,6 +94,7 @@ pub fn count_group(
     for tile in pyramid.tiles() {
         let mut counter = Counter {
             statistics: &mut statistics,
+            means: tables.unwrap_or(&none).means(tile.mip, group),
             mip: tile.mip,
             group,
         };
@@ -123,7 +126,7 @@ fn walk(
         usize::from(page.tile.x) * PAGE_TEXELS as usize,
         usize::from(page.tile.y) * PAGE_TEXELS as usize,
     );
-    let (mut last_end, mut coded) = (0, false);
+    let mut chosen: Vec<Chosen> = Vec::new();
     let mut spare = None;
     let blocks = Blocks::new(pyramid, page.tile);
     for place in blocks.corners().map(|corner| blocks.place(corner)) {
@@ -155,35 +158,50 @@ fn walk(
             });
         }
         let scan = scan_of(&place, &mut spare);
-        last_end = levels::write(sink, scan, means, last_end, &block, |coefficient, context| {
-            choose(tables, coefficient, context)
-        });
-        coded |= last_end > 0;
+        let last_end = chosen.last().map_or(0, |before| before.end);
+        chosen.push(choose_levels(
+            scan,
+            means,
+            &block,
+            |coefficient, context| choose(tables, coefficient, context),
+            |end| ERROR_PER_BIT * tables.end_bits(last_end, end),
+        ));
     }
-    Ok(coded)
+    let (cost, energy) = chosen.iter().fold((0.0, 0.0), |(cost, energy), block| {
+        (cost + block.cost, energy + block.energy)
+    });
+    if energy <= cost + ERROR_PER_BIT * RECORD_BITS || chosen.iter().all(|block| block.end == 0) {
+        return Ok(false);
+    }
+    chosen
+        .iter()
+        .fold(0, |last_end, block| block.write(sink, last_end));
+    Ok(true)
 }
 
-/// The level next to a coefficient, given in steps, that has the least sum of squared error and bits.
-fn choose(tables: &PageTables, coefficient: f32, context: Context) -> i32 {
+/// The level for a coefficient, given in steps, that has the least sum of squared error and bits, and this sum.
+fn choose(tables: &PageTables, coefficient: f32, context: Context) -> (i32, f32) {
     let magnitude = coefficient.abs();
+    let signed = |level: i32| if coefficient < 0.0 { -level } else { level };
     if !tables.is_trained() {
         let level = (magnitude + FIRST_ROUNDING) as i32;
-        return if coefficient < 0.0 { -level } else { level };
+        return (signed(level), (magnitude - level as f32).powi(2));
     }
-    let signed = |level: i32| if coefficient < 0.0 { -level } else { level };
     let nearest = (magnitude + 0.5) as i32;
     let cost = |level: i32| {
         let error = tables.value(context, level).abs() - magnitude;
         error * error + ERROR_PER_BIT * tables.bits(context, signed(level))
     };
-    match nearest {
-        0 => 0,
-        _ => signed(if cost(nearest - 1) < cost(nearest) {
-            nearest - 1
-        } else {
-            nearest
-        }),
+    let mut best = (nearest, cost(nearest));
+    for level in [nearest - 1, 0] {
+        if level >= 0 && level < best.0 {
+            let cost = cost(level);
+            if cost < best.1 {
+                best = (level, cost);
+            }
+        }
     }
+    (signed(best.0), best.1)
 }
 
 /// Checks sizes and values.
