@@ -1,0 +1,115 @@
+//! The service on a socket: from the first connection to the last.
+
+use std::{
+    future::Future,
+    io,
+    net::SocketAddr,
+    pin::pin,
+    sync::{Arc, atomic::Ordering},
+    time::Duration,
+};
+
+use tokio::{
+    net::{TcpListener, TcpStream},
+    sync::{Semaphore, watch},
+    task::JoinSet,
+    time::{sleep, timeout},
+};
+
+use crate::{Error, Options, Result, Site, connection::Door, routes};
+
+/// Pause after the system has refused a connection for want of something, such as open files.
+const ACCEPT_PAUSE: Duration = Duration::from_millis(500);
+
+/// Serves collections on a socket until `shutdown` ends; then says so at `/ready` for [`Options::notice`], accepts
+/// nothing more, lets requests in progress finish within [`Options::drain_timeout`], and returns.
+///
+/// # Errors
+/// [`Error::Socket`] if the socket does not work at all.
+pub async fn run(
+    listener: TcpListener,
+    site: impl Into<Site>,
+    options: Options,
+    shutdown: impl Future<Output = ()>,
+) -> Result<()> {
+    let address = listener.local_addr().map_err(Error::Socket)?;
+    let mut site = site.into();
+    let archives: usize = site
+        .collections
+        .iter()
+        .map(|(_, collection)| collection.names().len())
+        .sum();
+    tracing::info!(%address, archives, tls = site.tls.is_some(), "listening");
+    let tls = site.tls.take();
+    let (router, shared) = routes::build(site, &options);
+    let (stop, stopping) = watch::channel(());
+    let door = Arc::new(Door {
+        router,
+        tls,
+        options,
+        metrics: Arc::clone(&shared.metrics),
+        stopping,
+    });
+    let slots = Arc::new(Semaphore::new(
+        options.connections.clamp(1, Semaphore::MAX_PERMITS),
+    ));
+    let mut connections = JoinSet::new();
+    let mut end = pin!(async {
+        shutdown.await;
+        shared.draining.store(true, Ordering::Relaxed);
+        sleep(options.notice).await;
+    });
+    loop {
+        // A slot first: more connections wait in the system's queue.
+        let accepted = async {
+            let slot = Arc::clone(&slots).acquire_owned().await;
+            (slot, accept(&listener).await)
+        };
+        tokio::select! {
+            (slot, (stream, client)) = accepted => {
+                let door = Arc::clone(&door);
+                connections.spawn(async move {
+                    let _slot = slot;
+                    door.serve(stream, client).await;
+                });
+            }
+            Some(_) = connections.join_next() => {}
+            () = &mut end => break,
+        }
+    }
+    drop(listener);
+    drop(stop);
+    tracing::info!(connections = connections.len(), "stopping");
+    let drained = async { while connections.join_next().await.is_some() {} };
+    if timeout(options.drain_timeout, drained).await.is_err() {
+        tracing::warn!(
+            connections = connections.len(),
+            "requests were still in progress and are broken off"
+        );
+        connections.shutdown().await;
+    }
+    Ok(())
+}
+
+/// The next connection. One that broke off before it was accepted is not an error of ours, and when the system
+/// is out of something it gets time to have it again.
+async fn accept(listener: &TcpListener) -> (TcpStream, SocketAddr) {
+    loop {
+        match listener.accept().await {
+            Ok(accepted) => return accepted,
+            Err(error) if is_of_one_connection(&error) => {}
+            Err(error) => {
+                tracing::error!(%error, "no connection can be accepted");
+                sleep(ACCEPT_PAUSE).await;
+            }
+        }
+    }
+}
+
+fn is_of_one_connection(error: &io::Error) -> bool {
+    use io::ErrorKind::{ConnectionAborted, ConnectionRefused, ConnectionReset};
+    matches!(
+        error.kind(),
+        ConnectionAborted | ConnectionRefused | ConnectionReset
+    )
+}
