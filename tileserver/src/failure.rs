@@ -60,6 +60,11 @@ impl Failure {
         }
     }
 
+    pub(crate) fn precondition_failed() -> Self {
+        let detail = "the archive is not the one that If-Match names: GET its manifest again";
+        Self::new(StatusCode::PRECONDITION_FAILED, "precondition-failed", detail)
+    }
+
     pub(crate) fn range_not_satisfiable(detail: &str, length: u64) -> Self {
         let detail = format!("{detail}; the archive has {length} bytes");
         let mut failure = Self::new(StatusCode::RANGE_NOT_SATISFIABLE, "range-not-satisfiable", detail);

@@ -74,8 +74,8 @@ impl Route {
 }
 
 /// Statuses that are counted one by one; the last one stands for all others.
-const STATUSES: [u16; 16] = [
-    200, 206, 304, 400, 401, 404, 405, 410, 413, 414, 416, 431, 500, 502, 503, 0,
+const STATUSES: [u16; 17] = [
+    200, 206, 304, 400, 401, 404, 405, 410, 412, 413, 414, 416, 431, 500, 502, 503, 0,
 ];
 /// Upper bounds of the histogram, in microseconds.
 const BOUNDS: [u64; 14] = [

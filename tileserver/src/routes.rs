@@ -137,6 +137,9 @@ async fn archive(service: &Service, name: &str, method: &Method, headers: &Heade
     let served = service.newest(name).await?;
     let length = served.index.file_bytes;
     let mut fields = Fields::binary(format!("\"{}\"", served.id()), Keep::Shortly, service.private());
+    if !conditional::matches(headers, &fields.etag) {
+        return Err(Failure::precondition_failed());
+    }
     if fields.known(headers) {
         return Ok(fields.not_modified());
     }

@@ -30,6 +30,11 @@ impl Site {
         Ok(self)
     }
 
+    /// Whether there is nothing to serve.
+    pub fn is_empty(&self) -> bool {
+        self.collections.is_empty()
+    }
+
     /// Serves with TLS only.
     #[must_use]
     pub fn with_tls(self, tls: Tls) -> Self {

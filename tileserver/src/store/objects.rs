@@ -55,7 +55,12 @@ impl Objects {
             let known = PREFIXES.iter().any(|prefix| name.starts_with(prefix));
             own.or(known.then_some(name)).map(|name| (name, value))
         });
-        let (store, path) = parse_url_opts(&parsed, settings).map_err(|error| refuse(error.to_string()))?;
+        // Who writes http:// means it.
+        let plain = url
+            .starts_with("http://")
+            .then(|| ("allow_http".to_owned(), "true".to_owned()));
+        let (store, path) =
+            parse_url_opts(&parsed, settings.chain(plain)).map_err(|error| refuse(error.to_string()))?;
         Ok(Self::new(store.into(), path))
     }
 

@@ -1,6 +1,8 @@
 //! A real archive, a real server on a free port, and a client that sends exactly the bytes it is told.
 #![allow(dead_code, reason = "each test program uses a part of this")]
 
+pub(crate) mod store;
+
 use std::{collections::BTreeMap, future::Future, net::SocketAddr, path::Path, time::Duration};
 
 use half::f16;
