@@ -1,11 +1,19 @@
 //! Many records in one answer: a stream of frames in the order asked.
 
-use std::{io, sync::Arc};
+use std::{
+    io,
+    sync::{
+        Arc,
+        atomic::{AtomicBool, Ordering},
+    },
+    time::Duration,
+};
 
 use axum::{body::Body, http::StatusCode};
 use bytes::{BufMut, Bytes, BytesMut};
 use futures_util::{Stream, StreamExt, stream};
 use tileset::{PageId, Tile};
+use tokio::time::sleep;
 use xxhash_rust::xxh3::xxh3_128;
 
 use crate::{
@@ -22,6 +30,9 @@ pub(crate) const MAX_RECORDS: usize = 256;
 const AHEAD: usize = 8;
 /// Bytes in front of each record.
 const FRAME_BYTES: usize = 16;
+
+/// Time for the frames to leave before a connection is broken off, which throws away what is not sent.
+const LAST_WORDS: Duration = Duration::from_millis(200);
 
 /// A record that was asked for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -108,32 +119,29 @@ pub(crate) fn body(served: Arc<Served>, records: Arc<Records>, wanted: Vec<Wante
 fn parts(
     frames: impl Stream<Item = (Wanted, Result<Bytes, Failure>)>,
 ) -> impl Stream<Item = io::Result<Bytes>> {
-    let mut passing = false;
-    let frames = frames.map(Some).chain(stream::iter([None]));
-    frames.flat_map(move |frame| {
-        let parts = match frame {
-            None if passing => [
-                Err(io::Error::other("records of the batch could not be read")),
-                Ok(Bytes::new()),
-            ],
-            None => [Ok(Bytes::new()), Ok(Bytes::new())],
-            Some((wanted, result)) => {
-                let (status, bytes) = match result {
-                    Ok(bytes) => (200, bytes),
-                    Err(failure) => {
-                        passing |= failure.status != StatusCode::NOT_FOUND;
-                        (failure.status.as_u16(), failure.json().into())
-                    }
-                };
-                [Ok(head(wanted, status, bytes.len())), Ok(bytes)]
+    let passing = Arc::new(AtomicBool::new(false));
+    let end = stream::once({
+        let passing = Arc::clone(&passing);
+        async move {
+            if !passing.load(Ordering::Relaxed) {
+                return None;
+            }
+            sleep(LAST_WORDS).await;
+            Some(Err(io::Error::other("records of the batch could not be read")))
+        }
+    });
+    let frames = frames.flat_map(move |(wanted, result)| {
+        let (status, bytes) = match result {
+            Ok(bytes) => (200, bytes),
+            Err(failure) => {
+                passing.fetch_or(failure.status != StatusCode::NOT_FOUND, Ordering::Relaxed);
+                (failure.status.as_u16(), failure.json().into())
             }
         };
-        stream::iter(
-            parts
-                .into_iter()
-                .filter(|part| !matches!(part, Ok(bytes) if bytes.is_empty())),
-        )
-    })
+        let parts = [head(wanted, status, bytes.len()), bytes];
+        stream::iter(parts.into_iter().filter(|part| !part.is_empty()).map(Ok))
+    });
+    frames.chain(end.filter_map(std::future::ready))
 }
 
 /// Kind, mip, group, x, y, status, two bytes that are zero, length; little-endian.
