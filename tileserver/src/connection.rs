@@ -29,6 +29,7 @@ use tokio::{
     sync::watch,
     time::{Instant, sleep, timeout},
 };
+use tokio_rustls::server::TlsStream;
 
 use crate::{Options, Tls, metrics::Metrics};
 
@@ -58,21 +59,20 @@ impl Door {
         let _open = Open(&self.metrics);
         // Answers are written as a whole; waiting for more to send would only delay them.
         let _ = stream.set_nodelay(true);
-        let served = match &self.tls {
-            None => match self.in_time(begins_with_preface(&stream)).await {
-                Ok(http2) => Ok(self.talk(stream, client, http2).await),
-                Err(error) => Err(error),
-            },
-            Some(tls) => match self.in_time(tls.acceptor().accept(stream)).await {
-                Ok(stream) => {
-                    let http2 = stream.get_ref().1.alpn_protocol() == Some(b"h2");
-                    Ok(self.talk(stream, client, http2).await)
-                }
-                Err(error) => Err(error),
-            },
+        let begun = match &self.tls {
+            None => {
+                let http2 = self.in_time(begins_with_preface(&stream)).await;
+                http2.map(|http2| (Stream::Plain(stream), http2))
+            }
+            Some(tls) => self.in_time(tls.acceptor().accept(stream)).await.map(|stream| {
+                let http2 = stream.get_ref().1.alpn_protocol() == Some(b"h2");
+                (Stream::Tls(Box::new(stream)), http2)
+            }),
         };
-        if let Err(error) = served {
-            tracing::debug!(%client, %error, "the connection did not begin");
+        match begun {
+            Ok((Stream::Plain(stream), http2)) => self.talk(stream, client, http2).await,
+            Ok((Stream::Tls(stream), http2)) => self.talk(stream, client, http2).await,
+            Err(error) => tracing::debug!(%client, %error, "the connection did not begin"),
         }
     }
 
@@ -153,6 +153,12 @@ impl Door {
             }
         }
     }
+}
+
+/// A connection that has begun.
+enum Stream {
+    Plain(TcpStream),
+    Tls(Box<TlsStream<TcpStream>>),
 }
 
 /// Counts a connection's end.

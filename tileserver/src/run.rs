@@ -16,10 +16,12 @@ use tokio::{
     time::{sleep, timeout},
 };
 
-use crate::{Error, Options, Result, Site, connection::Door, routes};
+use crate::{Error, MAX_ARCHIVES, Options, Result, Site, connection::Door, routes};
 
 /// Pause after the system has refused a connection for want of something, such as open files.
 const ACCEPT_PAUSE: Duration = Duration::from_millis(500);
+/// Files for lists, reads, the log and connections to stores.
+const SPARE_FILES: usize = 128;
 
 /// Serves collections on a socket until `shutdown` ends; then says so at `/ready` for [`Options::notice`], accepts
 /// nothing more, lets requests in progress finish within [`Options::drain_timeout`], and returns.
@@ -50,9 +52,7 @@ pub async fn run(
         metrics: Arc::clone(&shared.metrics),
         stopping,
     });
-    let slots = Arc::new(Semaphore::new(
-        options.connections.clamp(1, Semaphore::MAX_PERMITS),
-    ));
+    let slots = Arc::new(Semaphore::new(connections_of(&options)));
     let mut connections = JoinSet::new();
     let mut end = pin!(async {
         shutdown.await;
@@ -91,6 +91,33 @@ pub async fn run(
     Ok(())
 }
 
+/// Connections that there may be: no more than files that the system lets this process open, less those of
+/// archives and of reading.
+fn connections_of(options: &Options) -> usize {
+    let wanted = options.connections.clamp(1, Semaphore::MAX_PERMITS);
+    let limits = std::fs::read_to_string("/proc/self/limits").unwrap_or_default();
+    let Some(files) = open_files(&limits) else {
+        return wanted;
+    };
+    let possible = files.saturating_sub(MAX_ARCHIVES + SPARE_FILES).max(1);
+    if possible < wanted {
+        tracing::warn!(
+            possible,
+            wanted,
+            "fewer connections than wanted: raise the limit with ulimit -n"
+        );
+    }
+    wanted.min(possible)
+}
+
+/// The soft limit in Linux's table of limits; none elsewhere.
+fn open_files(limits: &str) -> Option<usize> {
+    let line = limits
+        .lines()
+        .find_map(|line| line.strip_prefix("Max open files"))?;
+    line.split_whitespace().next()?.parse().ok()
+}
+
 /// The next connection. One that broke off before it was accepted is not an error of ours, and when the system
 /// is out of something it gets time to have it again.
 async fn accept(listener: &TcpListener) -> (TcpStream, SocketAddr) {
@@ -112,4 +139,23 @@ fn is_of_one_connection(error: &io::Error) -> bool {
         error.kind(),
         ConnectionAborted | ConnectionRefused | ConnectionReset
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn limits_of_the_system() {
+        let limits =
+            |value| format!("Limit  Soft Limit  Hard Limit\nMax open files   {value}   524288   files\n");
+        assert_eq!(open_files(&limits("1024")), Some(1024));
+        assert_eq!(open_files(&limits("unlimited")), None);
+        assert_eq!(open_files(""), None);
+        let few = Options {
+            connections: 3,
+            ..Options::default()
+        };
+        assert_eq!(connections_of(&few), 3);
+    }
 }

@@ -157,11 +157,15 @@ impl Version for FileVersion {
     }
 }
 
-/// Messages of the system are for clients, too, and name no path.
+/// Messages of the system are for clients, too, and name no path. What is not the file's own fault, such as too many
+/// open files, passes.
 fn of_file(error: io::Error) -> StoreError {
+    use io::ErrorKind::{IsADirectory, NotFound, PermissionDenied, UnexpectedEof};
+    let message = format!("the file cannot be read: {error}");
     match error.kind() {
-        io::ErrorKind::NotFound => StoreError::NotFound,
-        _ => StoreError::Refused(format!("the file cannot be read: {error}")),
+        NotFound => StoreError::NotFound,
+        IsADirectory | PermissionDenied | UnexpectedEof => StoreError::Refused(message),
+        _ => StoreError::Unavailable(message),
     }
 }
 

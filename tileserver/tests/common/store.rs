@@ -23,13 +23,16 @@ pub(crate) enum Fault {
     Never,
 }
 
+/// An archive, and what its content is known by.
+type Stored = (Identity, Arc<Vec<u8>>);
+
 /// Archives, and what shall go wrong.
 #[derive(Default)]
 pub(crate) struct Faulty(Arc<Inner>);
 
 #[derive(Default)]
 pub(crate) struct Inner {
-    archives: Mutex<BTreeMap<String, (Identity, Arc<Vec<u8>>)>>,
+    archives: Mutex<BTreeMap<String, Stored>>,
     versions: AtomicU64,
     faults: Mutex<VecDeque<Fault>>,
     pub(crate) reads: AtomicUsize,
