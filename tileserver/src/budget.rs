@@ -1,6 +1,6 @@
-//! Memory and disk: how much is read at the same time, however many ask.
+//! Memory: how much is read and not yet sent, however many ask.
 
-use std::{io, sync::Arc};
+use std::sync::Arc;
 
 use bytes::Bytes;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
@@ -10,22 +10,36 @@ use crate::{Options, failure::Failure};
 /// Memory is counted in pieces of this size.
 const PIECE_BYTES: u64 = 4096;
 
-/// Reads archives on threads that may block, within [`Options::memory_bytes`] and [`Options::reads`].
+/// The memory of [`Options::memory_bytes`].
 pub(crate) struct Budget {
     memory: Arc<Semaphore>,
     pieces: u32,
-    reads: Arc<Semaphore>,
 }
 
-/// Bytes that were read, and the memory they are accounted for in until they are sent.
+/// Memory that bytes are accounted for in.
+pub(crate) struct Room(
+    #[expect(dead_code, reason = "is given back when it is dropped")] OwnedSemaphorePermit,
+);
+
+/// Bytes, and the room they take until they are sent.
 struct Held {
-    bytes: Vec<u8>,
-    _memory: OwnedSemaphorePermit,
+    bytes: Bytes,
+    _room: Room,
 }
 
 impl AsRef<[u8]> for Held {
     fn as_ref(&self) -> &[u8] {
         &self.bytes
+    }
+}
+
+impl Room {
+    /// Bytes that give the room back when they are dropped.
+    pub(crate) fn hold(self, bytes: impl Into<Bytes>) -> Bytes {
+        Bytes::from_owner(Held {
+            bytes: bytes.into(),
+            _room: self,
+        })
     }
 }
 
@@ -36,59 +50,18 @@ impl Budget {
         Self {
             memory: Arc::new(Semaphore::new(pieces as usize)),
             pieces: pieces as u32,
-            reads: Arc::new(Semaphore::new(options.reads.clamp(1, Semaphore::MAX_PERMITS))),
         }
     }
 
-    /// Runs `read`, which returns about `bytes` bytes, when there is room for them.
-    pub(crate) async fn read<E: Send + 'static>(
-        &self,
-        bytes: u64,
-        read: impl FnOnce() -> Result<Vec<u8>, E> + Send + 'static,
-    ) -> Result<Result<Bytes, E>, Failure> {
+    /// Waits for room for `bytes` bytes; for more than there is, until all of it is free.
+    pub(crate) async fn room(&self, bytes: u64) -> Result<Room, Failure> {
         let pieces = bytes.div_ceil(PIECE_BYTES).min(self.pieces.into()) as u32;
-        let memory = Arc::clone(&self.memory)
-            .acquire_many_owned(pieces)
-            .await
-            .map_err(|_| Failure::busy())?;
-        self.blocking(move || {
-            read().map(|bytes| {
-                Bytes::from_owner(Held {
-                    bytes,
-                    _memory: memory,
-                })
-            })
-        })
-        .await
+        let room = Arc::clone(&self.memory).acquire_many_owned(pieces).await;
+        room.map(Room).map_err(|_| Failure::busy())
     }
 
-    /// Runs something that may block.
-    pub(crate) async fn blocking<T: Send + 'static>(
-        &self,
-        work: impl FnOnce() -> T + Send + 'static,
-    ) -> Result<T, Failure> {
-        let permit = Arc::clone(&self.reads)
-            .acquire_owned()
-            .await
-            .map_err(|_| Failure::busy())?;
-        let done = tokio::task::spawn_blocking(move || {
-            let _permit = permit; // Until the work is done, even if nobody waits for it any more.
-            work()
-        });
-        done.await.map_err(|error| {
-            tracing::error!(%error, "a read failed");
-            Failure::internal("the server failed to read the archive: its log says why")
-        })
-    }
-
-    /// Runs `read` for the next part of a body, whose error can only be that the connection breaks off.
-    pub(crate) async fn read_part(
-        &self,
-        bytes: u64,
-        read: impl FnOnce() -> io::Result<Vec<u8>> + Send + 'static,
-    ) -> io::Result<Bytes> {
-        self.read(bytes, read)
-            .await
-            .unwrap_or_else(|_| Err(io::Error::other("the server could not read on")))
+    /// Bytes that are in use.
+    pub(crate) fn used(&self) -> u64 {
+        (u64::from(self.pieces) - self.memory.available_permits() as u64) * PIECE_BYTES
     }
 }

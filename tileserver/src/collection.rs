@@ -1,48 +1,66 @@
-//! The archives of a folder: found by listing it, opened once, opened again when they change.
+//! The archives of a store: found by listing it, opened once, opened again when they change.
 
 use std::{
     collections::BTreeMap,
-    ffi::OsStr,
-    fs::{self, DirEntry, File, Metadata},
-    io,
-    path::{Path, PathBuf},
-    sync::{Arc, Mutex, PoisonError, RwLock},
-    time::SystemTime,
+    path::Path,
+    sync::{Arc, OnceLock, PoisonError, RwLock},
+    time::{Duration, Instant},
 };
 
-use bytes::Bytes;
-use tileset::{Archive, archive::Index};
+use futures_util::{StreamExt, stream};
+use tileset::archive::{HEADER_BYTES, Index};
+use tokio::sync::Mutex;
 
 use crate::{
-    Error, Result,
-    documents::{self, etag_of},
+    Error, Options, Result,
+    documents::{self, Document},
+    reads::Reads,
+    store::{Folder, Identity, Listed, Objects, Store, StoreError, Version},
 };
 
-/// Archives of a folder that are served, the first ones by name. Each is an open file, and a process may often
-/// have only 1024 of these, connections included.
+/// Archives of a collection that are served, the first ones by name. Each may be an open file, and a process may
+/// often have only 1024 of these, connections included.
 pub const MAX_ARCHIVES: usize = 256;
+/// Archives that are opened at the same time.
+const OPENING: usize = 8;
 
-/// The `.bsvtf` files directly in a folder.
+/// Archives that are served.
 ///
-/// Requests are looked up in the listing by name; no path is ever made of what a client sends. Only regular
-/// files are served, and symbolic links only if they lead to a file in the same folder.
+/// Requests are looked up in the list of the store by name; no path is ever made of what a client sends.
 pub struct Collection {
-    /// Canonical.
-    folder: PathBuf,
+    store: Arc<dyn Store>,
     listing: RwLock<Arc<Listing>>,
     refreshing: Mutex<()>,
+    /// See [`Self::with_tokens`].
+    pub(crate) tokens: Vec<String>,
 }
 
-/// Archives by name.
-pub(crate) type Listing = BTreeMap<String, Entry>;
+/// What was there at a time.
+#[derive(Default)]
+pub(crate) struct Listing {
+    pub(crate) archives: BTreeMap<String, Entry>,
+    /// When the store was asked; `None` before the first time.
+    asked: Option<Instant>,
+    /// Whether it answered. If not, the archives are those of the time before.
+    pub(crate) reachable: bool,
+    catalogue: OnceLock<Document>,
+}
 
-/// A file of the folder.
+impl Listing {
+    /// The catalogue, made when it is first asked for.
+    pub(crate) fn catalogue(&self) -> &Document {
+        self.catalogue
+            .get_or_init(|| documents::catalogue(&self.archives))
+    }
+}
+
+/// An archive of the list.
 #[derive(Clone)]
 pub(crate) enum Entry {
     Ready(Arc<Served>),
-    /// Cannot be served, and why; looked at again when it changes.
+    /// Cannot be served, and why; looked at again when it changes, or if the fault may pass.
     Broken {
-        stamp: Stamp,
+        listed: Option<Identity>,
         error: Arc<str>,
     },
 }
@@ -50,79 +68,95 @@ pub(crate) enum Entry {
 /// An archive that is served.
 pub(crate) struct Served {
     pub(crate) name: String,
-    pub(crate) archive: Archive<File>,
+    pub(crate) index: Index,
+    pub(crate) version: Arc<dyn Version>,
     /// Length of header, manifest and directory.
     pub(crate) prefix_bytes: u64,
-    /// The manifest document, and its ETag.
-    pub(crate) manifest_json: Bytes,
-    pub(crate) manifest_etag: String,
-    stamp: Stamp,
+    pub(crate) manifest: Document,
+    /// What the list said when it was opened.
+    listed: Identity,
 }
 
 impl Served {
-    pub(crate) fn index(&self) -> &Index {
-        &self.archive.index
-    }
-
     /// The content id as it stands in addresses: 32 hexadecimal digits.
     pub(crate) fn id(&self) -> String {
-        format!("{:032x}", self.index().id)
-    }
-}
-
-/// What tells that a file has changed.
-#[derive(Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Stamp {
-    modified: Option<SystemTime>,
-    bytes: u64,
-    /// Tells a file from its successor within the resolution of the clock; 0 where there is no such number.
-    inode: u64,
-}
-
-impl Stamp {
-    fn of(metadata: &Metadata) -> Self {
-        #[cfg(unix)]
-        let inode = std::os::unix::fs::MetadataExt::ino(metadata);
-        #[cfg(not(unix))]
-        let inode = 0;
-        Self {
-            modified: metadata.modified().ok(),
-            bytes: metadata.len(),
-            inode,
-        }
+        format!("{:032x}", self.index.id)
     }
 }
 
 impl Collection {
     /// Lists a folder and opens its archives. One that is damaged is reported in the log and in the catalogue,
-    /// and does not keep the others from being served.
+    /// and does not keep the others from being served. Blocks.
     ///
     /// # Errors
     /// [`Error::Folder`] if the folder cannot be listed.
     pub fn open(folder: impl AsRef<Path>) -> Result<Self> {
-        let path = folder.as_ref();
+        let folder = folder.as_ref();
         let refuse = |source| Error::Folder {
-            path: path.to_owned(),
+            path: folder.to_owned(),
             source,
         };
-        let folder = path.canonicalize().map_err(refuse)?;
+        let store = Arc::new(Folder::new(folder)?);
+        // A thread of its own, because the caller may be in a runtime already, or have none.
+        std::thread::scope(|scope| {
+            let open = || {
+                let runtime = tokio::runtime::Builder::new_current_thread()
+                    .enable_time()
+                    .build();
+                runtime
+                    .map_err(refuse)?
+                    .block_on(Self::of(store, &folder.display().to_string()))
+            };
+            let opened = scope.spawn(open).join();
+            opened.unwrap_or_else(|_| Err(refuse(std::io::Error::other("reading it has failed"))))
+        })
+    }
+
+    /// Opens what a path or a URL leads to: see [`Folder`] and [`Objects::from_url`].
+    ///
+    /// # Errors
+    /// [`Error::Folder`], [`Error::Source`] if it cannot be listed.
+    pub async fn from_url(source: &str) -> Result<Self> {
+        if source.contains("://") {
+            Self::of(Arc::new(Objects::from_url(source)?), source).await
+        } else {
+            Self::of(Arc::new(Folder::new(source)?), source).await
+        }
+    }
+
+    /// Lists a store and opens its archives. `name` is for messages.
+    ///
+    /// # Errors
+    /// [`Error::Source`] if it cannot be listed.
+    pub async fn of(store: Arc<dyn Store>, name: &str) -> Result<Self> {
         let collection = Self {
-            folder,
+            store,
             listing: RwLock::default(),
             refreshing: Mutex::new(()),
+            tokens: Vec::new(),
         };
-        collection.refresh().map_err(refuse)?;
+        let reads = Reads::new(&Options::default(), Arc::default());
+        collection.refresh(&reads).await.map_err(|error| Error::Source {
+            url: name.to_owned(),
+            reason: error.to_string(),
+        })?;
         Ok(collection)
+    }
+
+    /// Answers only requests with one of these bearer tokens; without tokens, all.
+    #[must_use]
+    pub fn with_tokens(self, tokens: Vec<String>) -> Self {
+        Self { tokens, ..self }
     }
 
     /// Names of the archives that can be served, in order.
     pub fn names(&self) -> Vec<String> {
         let listing = self.listing();
-        listing
+        let ready = listing
+            .archives
             .iter()
-            .filter(|(_, entry)| matches!(entry, Entry::Ready(_)))
-            .map(|(name, _)| name.clone())
-            .collect()
+            .filter(|(_, entry)| matches!(entry, Entry::Ready(_)));
+        ready.map(|(name, _)| name.clone()).collect()
     }
 
     /// Archives as they were listed last.
@@ -130,142 +164,140 @@ impl Collection {
         Arc::clone(&self.listing.read().unwrap_or_else(PoisonError::into_inner))
     }
 
-    /// Lists the folder again, opens what is new or has changed, and puts the new listing in the place of the
-    /// old one at once. Blocks; requests that hold an archive of the old listing keep it.
-    pub(crate) fn refresh(&self) -> io::Result<Arc<Listing>> {
-        let _one_at_a_time = self.refreshing.lock().unwrap_or_else(PoisonError::into_inner);
-        let old = self.listing();
-        let mut files = BTreeMap::new();
-        for file in fs::read_dir(&self.folder)? {
-            let file = file?;
-            let Some(name) = archive_name(&file.file_name()) else {
-                continue;
-            };
-            files.insert(name, file);
-            if files.len() > MAX_ARCHIVES {
-                files.pop_last();
-                tracing::warn!(
-                    "more than {MAX_ARCHIVES} archives in the folder: only the first by name are served"
-                );
-            }
+    /// Archives as they are now, or were at most `age` ago. One look at the store serves all who ask meanwhile, and
+    /// goes on when they leave. Where the store does not answer, the last list stands.
+    pub(crate) async fn fresh(self: &Arc<Self>, reads: &Arc<Reads>, age: Duration) -> Arc<Listing> {
+        let now = Instant::now();
+        let known = self.listing();
+        if known.asked.is_some_and(|asked| asked + age >= now) {
+            return known;
         }
-        let mut listing = Listing::new();
-        for (name, file) in files {
-            if let Some(entry) = self.entry(&name, &file, old.get(&name)) {
-                listing.insert(name, entry);
+        let (collection, reads) = (Arc::clone(self), Arc::clone(reads));
+        let look = tokio::spawn(async move {
+            let _one_at_a_time = collection.refreshing.lock().await;
+            let known = collection.listing();
+            if known.asked.is_some_and(|asked| asked + age >= now) {
+                return;
             }
-        }
-        let listing = Arc::new(listing);
-        *self.listing.write().unwrap_or_else(PoisonError::into_inner) = Arc::clone(&listing);
-        Ok(listing)
+            if let Err(error) = collection.refresh(&reads).await {
+                tracing::error!(%error, "the archives cannot be listed: those known are served on");
+                collection.replace(Listing {
+                    archives: known.archives.clone(),
+                    asked: Some(now),
+                    ..Listing::default()
+                });
+            }
+        });
+        let _ = look.await; // A panic is in the log; the last list stands.
+        self.listing()
     }
 
-    /// The old entry of a file if it has not changed, else a new one; `None` if the file went away meanwhile.
-    fn entry(&self, name: &str, file: &DirEntry, old: Option<&Entry>) -> Option<Entry> {
-        let path = file.path();
-        let metadata = fs::metadata(&path).ok();
-        let stamp = match &metadata {
-            Some(metadata) => Stamp::of(metadata),
-            None if fs::symlink_metadata(&path).is_err() => return None,
-            None => Stamp {
-                modified: None,
-                bytes: 0,
-                inode: 0,
-            }, // A link that leads nowhere.
+    /// Lists the store again, opens what is new or has changed, and puts the new list in the place of the old one
+    /// at once. Requests that hold an archive of the old list keep it.
+    async fn refresh(&self, reads: &Reads) -> std::result::Result<(), StoreError> {
+        let (old, asked) = (self.listing(), Instant::now());
+        let listed = reads.ask(|| self.store.list()).await?;
+        let entries = stream::iter(listed).map(|listed| async {
+            let entry = self.entry(reads, &listed, old.archives.get(&listed.name)).await;
+            (listed.name, entry)
+        });
+        let archives = entries.buffered(OPENING).collect().await;
+        self.replace(Listing {
+            archives,
+            asked: Some(asked),
+            reachable: true,
+            catalogue: OnceLock::new(),
+        });
+        Ok(())
+    }
+
+    fn replace(&self, listing: Listing) {
+        *self.listing.write().unwrap_or_else(PoisonError::into_inner) = Arc::new(listing);
+    }
+
+    /// The old entry of an archive if it has not changed, else a new one.
+    async fn entry(&self, reads: &Reads, listed: &Listed, old: Option<&Entry>) -> Entry {
+        let name = &*listed.name;
+        let identity = match &listed.identity {
+            Ok(identity) => identity,
+            Err(error) => return broken(name, None, error, old),
         };
-        let inside = self.leads_inside(&path);
-        let result = match metadata {
-            Some(metadata) if inside && metadata.is_file() => {
-                if let Some(old @ Entry::Ready(served)) = old
-                    && served.stamp == stamp
-                {
-                    return Some(old.clone());
-                }
-                if let Some(old @ Entry::Broken { stamp: seen, .. }) = old
-                    && *seen == stamp
-                {
-                    return Some(old.clone());
-                }
-                Served::open(name, &path)
+        match old {
+            Some(Entry::Ready(served)) if served.listed == *identity => {
+                return Entry::Ready(Arc::clone(served));
             }
-            Some(_) if inside => Err("not a file".to_owned()),
-            _ => Err("a symbolic link that does not lead to a file of this folder".to_owned()),
-        };
-        Some(match result {
+            Some(Entry::Broken { listed, .. }) if listed.as_ref() == Some(identity) => {
+                return old
+                    .cloned()
+                    .unwrap_or_else(|| broken(name, None, "not there", None));
+            }
+            _ => {}
+        }
+        match Served::open(&*self.store, reads, name, identity).await {
             Ok(served) => {
-                tracing::info!(archive = name, id = served.id(), bytes = stamp.bytes, "serving");
+                tracing::info!(
+                    archive = name,
+                    id = served.id(),
+                    bytes = served.index.file_bytes,
+                    "serving"
+                );
                 Entry::Ready(Arc::new(served))
             }
-            Err(error) => {
-                if !matches!(old, Some(Entry::Broken { error: known, .. }) if **known == *error) {
-                    tracing::warn!(archive = name, error, "not serving");
-                }
-                Entry::Broken {
-                    stamp,
-                    error: error.into(),
-                }
-            }
-        })
+            Err((error, true)) => match old {
+                // What it was may still be read; the next look tries again.
+                Some(Entry::Ready(served)) => Entry::Ready(Arc::clone(served)),
+                _ => broken(name, None, &error, old),
+            },
+            Err((error, false)) => broken(name, Some(identity.clone()), &error, old),
+        }
     }
+}
 
-    /// Whether what a path finally leads to lies directly in the folder.
-    fn leads_inside(&self, path: &Path) -> bool {
-        path.canonicalize()
-            .is_ok_and(|path| path.parent() == Some(&self.folder))
+fn broken(name: &str, listed: Option<Identity>, error: &str, old: Option<&Entry>) -> Entry {
+    if !matches!(old, Some(Entry::Broken { error: known, .. }) if **known == *error) {
+        tracing::warn!(archive = name, error, "not serving");
+    }
+    Entry::Broken {
+        listed,
+        error: error.into(),
     }
 }
 
 impl Served {
-    /// Opens an archive. Errors are for clients as well, so they name no path of this machine.
-    fn open(name: &str, path: &Path) -> std::result::Result<Self, String> {
-        let file = File::open(path).map_err(|error| format!("cannot be opened: {error}"))?;
-        // Of the open file: a stamp taken from the path could be that of its successor.
-        let stamp = Stamp::of(
-            &file
-                .metadata()
-                .map_err(|error| format!("cannot be opened: {error}"))?,
-        );
-        let archive = Archive::open(file).map_err(|error| error.to_string())?;
-        let prefix_bytes = archive.prefix().map_err(|error| error.to_string())?.len() as u64;
-        let manifest_json = documents::manifest(name, &archive.index, prefix_bytes);
-        let manifest_etag = etag_of(&manifest_json);
+    /// Opens an archive. Errors are for clients as well, so they name no path of this machine; `true` with those
+    /// that may pass.
+    async fn open(
+        store: &dyn Store,
+        reads: &Reads,
+        name: &str,
+        listed: &Identity,
+    ) -> std::result::Result<Self, (String, bool)> {
+        let of_store = |error: StoreError| {
+            let passes = !matches!(error, StoreError::Refused(_));
+            (error.to_string(), passes)
+        };
+        let of_archive = |error: tileset::Error| (error.to_string(), false);
+        let version = reads.ask(|| store.open(name)).await.map_err(of_store)?;
+        let length = version.bytes();
+        let cut = |needed: u64| (format!("it ends at byte {length}, {needed} are needed"), false);
+        let header_bytes = length.min(HEADER_BYTES as u64);
+        let header = reads.read(&*version, 0..header_bytes).await.map_err(of_store)?;
+        let prefix_bytes = Index::prefix_bytes(&header).map_err(of_archive)?;
+        if prefix_bytes > length {
+            return Err(cut(prefix_bytes));
+        }
+        let prefix = reads.read(&*version, 0..prefix_bytes).await.map_err(of_store)?;
+        let index = Index::parse(&prefix).map_err(of_archive)?;
+        if index.file_bytes != length {
+            return Err(cut(index.file_bytes));
+        }
         Ok(Self {
             name: name.to_owned(),
-            archive,
+            manifest: documents::manifest(name, &index, prefix_bytes),
+            index,
+            version,
             prefix_bytes,
-            manifest_json,
-            manifest_etag,
-            stamp,
+            listed: listed.clone(),
         })
-    }
-}
-
-/// The name under which a file of the folder is served; `None` for other files, for hidden ones, and for names
-/// that addresses cannot carry or that would be taken for the file of another archive.
-fn archive_name(file: &OsStr) -> Option<String> {
-    let name = file.to_str()?.strip_suffix(".bsvtf")?;
-    let refused = name.is_empty() || name.starts_with('.') || name.ends_with(".bsvtf");
-    (!refused && !name.contains(char::is_control)).then(|| name.to_owned())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn names_of_files() {
-        for (file, name) in [
-            ("cloth.bsvtf", Some("cloth")),
-            ("wool 2.bsvtf", Some("wool 2")),
-            ("größe.bsvtf", Some("größe")),
-            ("cloth.BSVTF", None),
-            ("cloth.bsvtf.part", None),
-            ("cloth.bsvtf.bsvtf", None),
-            (".bsvtf", None),
-            (".hidden.bsvtf", None),
-            ("new\nline.bsvtf", None),
-        ] {
-            assert_eq!(archive_name(OsStr::new(file)).as_deref(), name, "{file:?}");
-        }
     }
 }

@@ -11,6 +11,13 @@ pub(crate) fn none_match(headers: &HeaderMap, etag: &str) -> bool {
         .any(|value| list_has(value.as_bytes(), etag.as_bytes()))
 }
 
+/// Whether `If-Match` lets the request through: there is none, or it names `etag` strongly, or `*`.
+pub(crate) fn matches(headers: &HeaderMap, etag: &str) -> bool {
+    let mut fields = headers.get_all(header::IF_MATCH).iter().peekable();
+    let strong = |list: &[u8]| list_has(list, etag.as_bytes()) && !list.starts_with(b"W/");
+    fields.peek().is_none() || fields.any(|value| strong(value.as_bytes()))
+}
+
 /// Walks a list of ETags. Commas may stand inside the quotes of an ETag, so it cannot be split at them.
 fn list_has(list: &[u8], etag: &[u8]) -> bool {
     if list.trim_ascii() == b"*" {
@@ -79,6 +86,23 @@ mod tests {
         assert!(!none_match(&headers, "\"a\""));
         headers.append(header::IF_NONE_MATCH, HeaderValue::from_static("\"a\""));
         assert!(none_match(&headers, "\"a\""));
+    }
+
+    #[test]
+    fn conditions_of_those_who_read_on() {
+        let with =
+            |value: &'static str| HeaderMap::from_iter([(header::IF_MATCH, HeaderValue::from_static(value))]);
+        for (value, expected) in [
+            ("\"a\"", true),
+            ("\"b\", \"a\"", true),
+            ("*", true),
+            ("\"b\"", false),
+            ("W/\"a\"", false),
+            ("", false),
+        ] {
+            assert_eq!(matches(&with(value), "\"a\""), expected, "{value}");
+        }
+        assert!(matches(&HeaderMap::new(), "\"a\""));
     }
 
     #[test]

@@ -1,12 +1,27 @@
 //! The JSON documents: catalogue and manifest. Addresses in them are relative to `/v1/`, so that a proxy may put
 //! the service under any prefix.
 
+use std::{collections::BTreeMap, io::Write};
+
 use bytes::Bytes;
+use flate2::{Compression, write::GzEncoder};
 use serde::Serialize;
 use tileset::{Manifest, Record, archive::Index};
 use xxhash_rust::xxh3::xxh3_128;
 
-use crate::collection::{Entry, Listing, Served};
+use crate::collection::{Entry, Served};
+
+/// A document, plain and compressed, once for all who ask for it.
+pub(crate) struct Document {
+    pub(crate) plain: Encoded,
+    pub(crate) gzip: Encoded,
+}
+
+/// A form of a document, and its strong ETag: other bytes have another one.
+pub(crate) struct Encoded {
+    pub(crate) bytes: Bytes,
+    pub(crate) etag: String,
+}
 
 #[derive(Serialize)]
 struct Catalogue<'a> {
@@ -34,7 +49,7 @@ struct Summary<'a> {
 }
 
 #[derive(Serialize)]
-struct Document<'a> {
+struct ManifestDocument<'a> {
     name: &'a str,
     id: String,
     bytes: u64,
@@ -67,6 +82,7 @@ struct Urls {
     index: String,
     page: String,
     column: String,
+    batch: String,
     archive: String,
 }
 
@@ -78,6 +94,7 @@ impl Urls {
             index: format!("{name}/{id}/index"),
             page: format!("{name}/{id}/page/{{group}}/{{mip}}/{{x}}/{{y}}"),
             column: format!("{name}/{id}/column/{{group}}"),
+            batch: format!("{name}/{id}/batch/{{records}}"),
             archive: format!("{name}.bsvtf"),
         }
     }
@@ -98,7 +115,7 @@ fn escape(name: &str) -> String {
 fn summary(served: &Served) -> Summary<'_> {
     let Index {
         manifest, file_bytes, ..
-    } = served.index();
+    } = &served.index;
     let id = served.id();
     Summary {
         name: &served.name,
@@ -113,9 +130,9 @@ fn summary(served: &Served) -> Summary<'_> {
     }
 }
 
-/// The catalogue of a folder.
-pub(crate) fn catalogue(listing: &Listing) -> Bytes {
-    let archives = listing.iter().map(|(name, entry)| match entry {
+/// The catalogue of a collection.
+pub(crate) fn catalogue(archives: &BTreeMap<String, Entry>) -> Document {
+    let archives = archives.iter().map(|(name, entry)| match entry {
         Entry::Ready(served) => CatalogueEntry::Ready(summary(served)),
         Entry::Broken { error, .. } => CatalogueEntry::Broken { name, error },
     });
@@ -125,7 +142,7 @@ pub(crate) fn catalogue(listing: &Listing) -> Bytes {
 }
 
 /// The manifest document of an archive.
-pub(crate) fn manifest(name: &str, index: &Index, index_bytes: u64) -> Bytes {
+pub(crate) fn manifest(name: &str, index: &Index, index_bytes: u64) -> Document {
     let id = format!("{:032x}", index.id);
     let total = |records: &[Record]| records.iter().map(|record| u64::from(record.length)).sum();
     let largest = |records: &[Record]| records.iter().map(|record| record.length).max().unwrap_or(0);
@@ -139,7 +156,7 @@ pub(crate) fn manifest(name: &str, index: &Index, index_bytes: u64) -> Bytes {
             rows,
         }
     };
-    json(&Document {
+    json(&ManifestDocument {
         name,
         bytes: index.file_bytes,
         index_bytes,
@@ -156,12 +173,23 @@ pub(crate) fn manifest(name: &str, index: &Index, index_bytes: u64) -> Bytes {
     })
 }
 
-fn json(document: &impl Serialize) -> Bytes {
-    // Only maps with keys that are no strings, and readers that fail, can fail here: there are none.
-    serde_json::to_vec(document).unwrap_or_default().into()
-}
-
-/// A strong ETag made of the content.
-pub(crate) fn etag_of(content: &[u8]) -> String {
-    format!("\"{:032x}\"", xxh3_128(content))
+fn json(document: &impl Serialize) -> Document {
+    // Only maps with keys that are no strings, and writers that fail, can fail here: there are none.
+    let plain = serde_json::to_vec(document).unwrap_or_default();
+    let mut gzip = GzEncoder::new(Vec::new(), Compression::default());
+    let gzip = gzip
+        .write_all(&plain)
+        .and_then(|()| gzip.finish())
+        .unwrap_or_default();
+    let hash = xxh3_128(&plain);
+    Document {
+        plain: Encoded {
+            bytes: plain.into(),
+            etag: format!("\"{hash:032x}\""),
+        },
+        gzip: Encoded {
+            bytes: gzip.into(),
+            etag: format!("\"{hash:032x}-gzip\""),
+        },
+    }
 }

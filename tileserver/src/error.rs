@@ -14,6 +14,25 @@ pub enum Error {
         /// The system's own error.
         source: std::io::Error,
     },
+    /// The archives cannot be reached.
+    #[error("{url} cannot be served: {reason}")]
+    Source {
+        /// Where they should be, without secrets.
+        url: String,
+        /// What is wrong.
+        reason: String,
+    },
+    /// Two collections have one place, or a place that no address can have.
+    #[error("a collection cannot be served at {0:?}: {1}")]
+    Place(String, &'static str),
+    /// The certificate or its key.
+    #[error("TLS cannot be set up from {}: {reason}", path.display())]
+    Tls {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        reason: String,
+    },
     /// The socket does not work.
     #[error("the socket cannot be used: {0}")]
     Socket(std::io::Error),

@@ -8,7 +8,7 @@ use axum::{
 /// An answer that is an error.
 #[derive(Debug)]
 pub(crate) struct Failure {
-    status: StatusCode,
+    pub(crate) status: StatusCode,
     error: &'static str,
     detail: String,
     header: Option<(HeaderName, HeaderValue)>,
@@ -60,6 +60,11 @@ impl Failure {
         }
     }
 
+    pub(crate) fn precondition_failed() -> Self {
+        let detail = "the archive is not the one that If-Match names: GET its manifest again";
+        Self::new(StatusCode::PRECONDITION_FAILED, "precondition-failed", detail)
+    }
+
     pub(crate) fn range_not_satisfiable(detail: &str, length: u64) -> Self {
         let detail = format!("{detail}; the archive has {length} bytes");
         let mut failure = Self::new(StatusCode::RANGE_NOT_SATISFIABLE, "range-not-satisfiable", detail);
@@ -78,19 +83,47 @@ impl Failure {
         }
     }
 
-    pub(crate) fn internal(detail: impl Into<String>) -> Self {
-        Self::new(StatusCode::INTERNAL_SERVER_ERROR, "internal", detail)
+    /// The store does not answer; its own words are for the log, which has them.
+    pub(crate) fn unavailable() -> Self {
+        let later = (header::RETRY_AFTER, HeaderValue::from_static("5"));
+        let detail = "the store of the archives does not answer: ask again later";
+        Self {
+            header: Some(later),
+            ..Self::new(StatusCode::SERVICE_UNAVAILABLE, "unavailable", detail)
+        }
+    }
+
+    pub(crate) fn not_ready(detail: &str) -> Self {
+        let later = (header::RETRY_AFTER, HeaderValue::from_static("1"));
+        Self {
+            header: Some(later),
+            ..Self::new(StatusCode::SERVICE_UNAVAILABLE, "not-ready", detail)
+        }
+    }
+
+    pub(crate) fn unauthorized() -> Self {
+        let ask = (header::WWW_AUTHENTICATE, HeaderValue::from_static("Bearer"));
+        let detail = "these archives are for holders of a token: send \"Authorization: Bearer TOKEN\"";
+        Self {
+            header: Some(ask),
+            ..Self::new(StatusCode::UNAUTHORIZED, "unauthorized", detail)
+        }
     }
 
     /// The archive does not hold; the details are for the log, which has them.
     pub(crate) fn corrupt(detail: impl Into<String>) -> Self {
         Self::new(StatusCode::INTERNAL_SERVER_ERROR, "corrupt", detail)
     }
+
+    /// What the client reads.
+    pub(crate) fn json(&self) -> String {
+        serde_json::json!({ "error": self.error, "detail": self.detail }).to_string()
+    }
 }
 
 impl IntoResponse for Failure {
     fn into_response(self) -> Response {
-        let json = serde_json::json!({ "error": self.error, "detail": self.detail }).to_string();
+        let json = self.json();
         // An error may be over in a moment: no cache keeps it.
         let headers = [
             (header::CONTENT_TYPE, "application/json"),

@@ -1,15 +1,24 @@
-//! Serves a folder of `.bsvtf` archives over HTTP/1.1; docs/http.md is the protocol.
+//! Serves `.bsvtf` archives over HTTP; docs/http.md is the protocol, docs/serving.md is for those who run it.
 //!
-//! - [`Collection`]: the archives of a folder, found by listing it, opened once.
-//! - [`run`]: the service on a socket, until it is told to stop.
-//! - [`router`]: the service itself, for programs that bring their own socket.
+//! - [`Store`]: where archives lie: a [`Folder`], [`Objects`] of a bucket, or what a program brings.
+//! - [`Collection`]: the archives of a store, found by listing it, opened once.
+//! - [`Site`]: collections and their places, and the certificate.
+//! - [`run`]: the service on a socket, until it is told to stop; [`router`] for programs that bring their own.
 //!
 //! A record is checked against its hash before it is sent; addresses of records carry the content id of their
 //! archive and never change their content, so that any cache may keep them for good. The server holds no
-//! state beside the directories of its archives: any number of them can serve the same folder.
+//! state beside the directories of its archives and the records asked for lately: any number of them can serve
+//! the same store.
 //!
-//! Not done here: TLS, compression (records are compressed), authentication. A reverse proxy does these.
+//! A request goes through `log` (its id, the access log, what is counted), `guard` (is there a place for it, has it
+//! a token) and `routes`; `service` finds the archive in the `collection`, `records` the record in memory or
+//! through `reads` in the `store`; `budget` bounds the memory of answers, `connection` everything a client can do
+//! slowly.
+//!
+//! Pages and columns are never compressed again, and nothing that clients send is kept.
 
+mod answer;
+mod batch;
 mod budget;
 mod collection;
 mod conditional;
@@ -17,14 +26,27 @@ mod connection;
 mod documents;
 mod error;
 mod failure;
+mod guard;
 mod log;
+mod metrics;
 mod options;
+mod parts;
 mod range;
+mod reads;
+mod records;
 mod routes;
-mod whole;
+mod run;
+mod service;
+mod site;
+mod status;
+pub mod store;
+mod tls;
 
 pub use collection::{Collection, MAX_ARCHIVES};
-pub use connection::run;
 pub use error::{Error, Result};
 pub use options::Options;
 pub use routes::router;
+pub use run::run;
+pub use site::Site;
+pub use store::{Folder, Objects, Store};
+pub use tls::Tls;

@@ -45,7 +45,8 @@ async fn ranges() {
         "bytes=-0".into(),
         "bytes=9-5".into(),
         "bytes=x".into(),
-        "bytes=0-1,5-6".into(),
+        "bytes=0-1,x".into(),
+        format!("bytes={}0-0", "0-0,".repeat(64)),
     ] {
         let refused = server.request("GET", target, &[("range", &range)]).await;
         refused.error(416, "range-not-satisfiable");
@@ -80,6 +81,37 @@ async fn ranges() {
         (head.status, head.field("content-length")),
         (200, &*length.to_string())
     );
+    server.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn several_ranges() {
+    let folder = tempfile::tempdir().unwrap();
+    let bytes = archive(1);
+    std::fs::write(folder.path().join("cloth.bsvtf"), &bytes).unwrap();
+    let server = Server::start(folder.path()).await;
+    let length = bytes.len();
+    let fields = [("range", "bytes=100-199, 0-9,-5,999999999-")];
+    let answer = server.request("GET", "/v1/cloth.bsvtf", &fields).await;
+    assert_eq!(answer.status, 206);
+    assert_eq!(answer.field("content-length"), answer.body.len().to_string());
+    let boundary = answer
+        .field("content-type")
+        .strip_prefix("multipart/byteranges; boundary=")
+        .unwrap();
+    let mut expected = Vec::new();
+    for (first, end) in [(100, 200), (0, 10), (length - 5, length)] {
+        expected.extend(format!("\r\n--{boundary}\r\ncontent-type: application/octet-stream\r\n").bytes());
+        expected.extend(format!("content-range: bytes {first}-{}/{length}\r\n\r\n", end - 1).bytes());
+        expected.extend(&bytes[first..end]);
+    }
+    expected.extend(format!("\r\n--{boundary}--\r\n").bytes());
+    assert_eq!(answer.body, expected);
+    // Ranges that make more of the archive than there is.
+    let answer = server
+        .request("GET", "/v1/cloth.bsvtf", &[("range", "bytes=0-,0-")])
+        .await;
+    assert_eq!((answer.status, answer.body == bytes), (200, true));
     server.stop().await;
 }
 

@@ -1,10 +1,12 @@
 //! A real archive, a real server on a free port, and a client that sends exactly the bytes it is told.
 #![allow(dead_code, reason = "each test program uses a part of this")]
 
-use std::{collections::BTreeMap, future::Future, net::SocketAddr, path::Path};
+pub(crate) mod store;
+
+use std::{collections::BTreeMap, future::Future, net::SocketAddr, path::Path, time::Duration};
 
 use half::f16;
-use tileserver::{Collection, Options};
+use tileserver::{Collection, Options, Site};
 use tileset::{
     Archive, ArchiveWriter, Codec, Column, Direction, Factorization, Ledger, Manifest, Page, PageId, Tile,
     codec::{MipImage, encode_column, encode_page},
@@ -141,15 +143,24 @@ pub(crate) struct Server {
 
 impl Server {
     pub(crate) async fn start(folder: &Path) -> Self {
-        Self::with(folder, Options::default()).await
+        // Changes of the folder are seen at once.
+        let options = Options {
+            list_age: Duration::ZERO,
+            ..Options::default()
+        };
+        Self::with(folder, options).await
     }
 
     pub(crate) async fn with(folder: &Path, options: Options) -> Self {
-        let collection = Collection::open(folder).unwrap();
+        Self::of(Collection::open(folder).unwrap(), options).await
+    }
+
+    pub(crate) async fn of(site: impl Into<Site>, options: Options) -> Self {
+        let site = site.into();
         let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
         let address = listener.local_addr().unwrap();
         let (stop, stopped) = oneshot::channel();
-        let running = tokio::spawn(tileserver::run(listener, collection, options, async {
+        let running = tokio::spawn(tileserver::run(listener, site, options, async {
             _ = stopped.await
         }));
         Self {

@@ -1,0 +1,148 @@
+//! The fields of answers, and which form of a document a client takes.
+
+use axum::{
+    body::Body,
+    http::{HeaderMap, HeaderValue, StatusCode, header},
+    response::Response,
+};
+use bytes::Bytes;
+
+use crate::{conditional, documents::Document};
+
+/// How long caches may keep an answer.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Keep {
+    /// What never changes at its address.
+    ForGood,
+    /// What changes when an archive does.
+    Shortly,
+}
+
+/// Records are compressed already, and JSON comes in two forms.
+const BINARY: &str = "application/octet-stream";
+const JSON: &str = "application/json";
+
+/// What an answer says about its content.
+pub(crate) struct Fields {
+    pub(crate) etag: String,
+    pub(crate) keep: Keep,
+    pub(crate) kind: HeaderValue,
+    /// Only the cache of the one who asked may keep it.
+    pub(crate) private: bool,
+}
+
+impl Fields {
+    pub(crate) fn binary(etag: String, keep: Keep, private: bool) -> Self {
+        Self {
+            etag,
+            keep,
+            kind: HeaderValue::from_static(BINARY),
+            private,
+        }
+    }
+
+    /// Whether the client has this content already.
+    pub(crate) fn known(&self, headers: &HeaderMap) -> bool {
+        conditional::none_match(headers, &self.etag)
+    }
+
+    pub(crate) fn response(&self, status: StatusCode) -> Response {
+        let mut response = Response::default();
+        *response.status_mut() = status;
+        let cache = match (self.keep, self.private) {
+            (Keep::ForGood, false) => "public, max-age=31536000, immutable",
+            (Keep::ForGood, true) => "private, max-age=31536000, immutable",
+            (Keep::Shortly, false) => "public, max-age=5, must-revalidate",
+            (Keep::Shortly, true) => "private, max-age=5, must-revalidate",
+        };
+        let headers = response.headers_mut();
+        headers.insert(header::CACHE_CONTROL, HeaderValue::from_static(cache));
+        headers.extend(HeaderValue::try_from(&self.etag).map(|etag| (header::ETAG, etag)));
+        if status != StatusCode::NOT_MODIFIED {
+            headers.insert(header::CONTENT_TYPE, self.kind.clone());
+        }
+        response
+    }
+
+    pub(crate) fn not_modified(&self) -> Response {
+        self.response(StatusCode::NOT_MODIFIED)
+    }
+
+    pub(crate) fn whole(&self, bytes: Bytes) -> Response {
+        let mut response = self.response(StatusCode::OK);
+        response
+            .headers_mut()
+            .insert(header::CONTENT_LENGTH, bytes.len().into());
+        *response.body_mut() = Body::from(bytes);
+        response
+    }
+}
+
+/// A document in the form that the client takes, or that it has it already.
+pub(crate) fn document(document: &Document, headers: &HeaderMap, private: bool) -> Response {
+    let gzip = takes_gzip(headers);
+    let encoded = if gzip { &document.gzip } else { &document.plain };
+    let fields = Fields {
+        etag: encoded.etag.clone(),
+        keep: Keep::Shortly,
+        kind: HeaderValue::from_static(JSON),
+        private,
+    };
+    let mut response = if fields.known(headers) {
+        fields.not_modified()
+    } else {
+        fields.whole(encoded.bytes.clone())
+    };
+    let out = response.headers_mut();
+    out.append(header::VARY, HeaderValue::from_static("accept-encoding"));
+    if gzip {
+        out.insert(header::CONTENT_ENCODING, HeaderValue::from_static("gzip"));
+    }
+    response
+}
+
+/// Whether `Accept-Encoding` has gzip, or all, with a weight that is not zero (RFC 9110, section 12.5.3).
+fn takes_gzip(headers: &HeaderMap) -> bool {
+    let (mut gzip, mut all) = (None, None);
+    let fields = headers.get_all(header::ACCEPT_ENCODING).iter();
+    for item in fields
+        .filter_map(|field| field.to_str().ok())
+        .flat_map(|field| field.split(','))
+    {
+        let mut parts = item.split(';').map(str::trim);
+        let coding = parts.next().unwrap_or_default();
+        let weight = parts
+            .find_map(|part| part.strip_prefix("q=")?.parse::<f32>().ok())
+            .unwrap_or(1.0);
+        if coding.eq_ignore_ascii_case("gzip") {
+            gzip = Some(weight > 0.0);
+        } else if coding == "*" {
+            all = Some(weight > 0.0);
+        }
+    }
+    gzip.or(all).unwrap_or(false)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn encodings_are_negotiated() {
+        for (field, expected) in [
+            ("gzip", true),
+            ("br, GZIP;q=0.5", true),
+            ("*", true),
+            ("*;q=0, gzip", true),
+            ("gzip;q=0, *", false),
+            ("gzip; q=0.000", false),
+            ("identity", false),
+            ("", false),
+            ("gzipped", false),
+        ] {
+            let headers = HeaderMap::from_iter([(header::ACCEPT_ENCODING, HeaderValue::from_static(field))]);
+            assert_eq!(takes_gzip(&headers), expected, "{field}");
+        }
+        assert!(!takes_gzip(&HeaderMap::new()));
+    }
+}

@@ -1,0 +1,154 @@
+//! Ranges of an archive as a body that is read while it is sent.
+
+use std::{
+    collections::VecDeque,
+    future::Future,
+    io,
+    ops::Range,
+    pin::Pin,
+    sync::Arc,
+    task::{Context, Poll},
+};
+
+use bytes::Bytes;
+use hyper::body::{Body, Frame, SizeHint};
+
+use crate::{collection::Served, records::Records};
+
+/// Bytes that are read at once: enough to keep a disk and a socket busy.
+const PART_BYTES: u64 = 256 << 10;
+
+type Reading = Pin<Box<dyn Future<Output = io::Result<Bytes>> + Send>>;
+
+/// What a body is made of.
+enum Piece {
+    /// What stands between ranges.
+    Text(Bytes),
+    /// Bytes of the archive.
+    Range(Range<u64>),
+}
+
+impl Piece {
+    fn bytes(&self) -> u64 {
+        match self {
+            Self::Text(text) => text.len() as u64,
+            Self::Range(range) => range.end - range.start,
+        }
+    }
+}
+
+/// Pieces of an archive. A part is read when the connection has room for it, and not before.
+pub(crate) struct ArchiveBody {
+    served: Arc<Served>,
+    records: Arc<Records>,
+    left: VecDeque<Piece>,
+    left_bytes: u64,
+    reading: Option<Reading>,
+}
+
+impl ArchiveBody {
+    /// One range.
+    pub(crate) fn one(served: Arc<Served>, records: Arc<Records>, range: Range<u64>) -> Self {
+        Self::new(served, records, VecDeque::from([Piece::Range(range)]))
+    }
+
+    /// Several ranges as `multipart/byteranges` (RFC 9110, section 14.6) with this boundary.
+    pub(crate) fn multipart(
+        served: Arc<Served>,
+        records: Arc<Records>,
+        ranges: Vec<Range<u64>>,
+        boundary: &str,
+    ) -> Self {
+        let length = served.index.file_bytes;
+        let mut pieces = VecDeque::new();
+        for range in ranges {
+            let head = format!(
+                "\r\n--{boundary}\r\ncontent-type: application/octet-stream\r\n\
+                 content-range: bytes {}-{}/{length}\r\n\r\n",
+                range.start,
+                range.end - 1,
+            );
+            pieces.extend([Piece::Text(head.into()), Piece::Range(range)]);
+        }
+        pieces.push_back(Piece::Text(format!("\r\n--{boundary}--\r\n").into()));
+        Self::new(served, records, pieces)
+    }
+
+    fn new(served: Arc<Served>, records: Arc<Records>, left: VecDeque<Piece>) -> Self {
+        Self {
+            served,
+            records,
+            left_bytes: left.iter().map(Piece::bytes).sum(),
+            left,
+            reading: None,
+        }
+    }
+
+    /// Bytes that are left.
+    pub(crate) fn bytes(&self) -> u64 {
+        self.left_bytes
+    }
+
+    /// Begins with the next part. An error can only be told by breaking off the connection.
+    fn read(&self, range: Range<u64>) -> Reading {
+        let (served, records) = (Arc::clone(&self.served), Arc::clone(&self.records));
+        Box::pin(async move {
+            let room = records.budget.room(range.end - range.start).await;
+            let room = room.map_err(|_| io::Error::other("the server has no room to read on"))?;
+            let bytes = records
+                .reads
+                .read(&*served.version, range.clone())
+                .await
+                .map_err(|error| {
+                    tracing::error!(archive = served.name, ?range, %error, "the archive cannot be read");
+                    io::Error::other(error)
+                })?;
+            Ok(room.hold(bytes))
+        })
+    }
+}
+
+impl Body for ArchiveBody {
+    type Data = Bytes;
+    type Error = io::Error;
+
+    fn poll_frame(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+    ) -> Poll<Option<io::Result<Frame<Bytes>>>> {
+        let mut reading = match self.reading.take() {
+            Some(reading) => reading,
+            None => match self.left.pop_front() {
+                None => return Poll::Ready(None),
+                Some(Piece::Text(text)) => {
+                    self.left_bytes -= text.len() as u64;
+                    return Poll::Ready(Some(Ok(Frame::data(text))));
+                }
+                Some(Piece::Range(range)) => {
+                    let end = range.end.min(range.start + PART_BYTES);
+                    if end < range.end {
+                        self.left.push_front(Piece::Range(end..range.end));
+                    }
+                    self.read(range.start..end)
+                }
+            },
+        };
+        let Poll::Ready(part) = reading.as_mut().poll(context) else {
+            self.reading = Some(reading);
+            return Poll::Pending;
+        };
+        match &part {
+            Ok(bytes) => self.left_bytes -= bytes.len() as u64,
+            Err(_) => self.left.clear(), // After an error there is nothing more to come.
+        }
+        Poll::Ready(Some(part.map(Frame::data)))
+    }
+
+    fn is_end_stream(&self) -> bool {
+        self.left_bytes == 0
+    }
+
+    fn size_hint(&self) -> SizeHint {
+        SizeHint::with_exact(self.left_bytes)
+    }
+}
