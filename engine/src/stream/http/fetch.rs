@@ -2,15 +2,21 @@
 
 use std::{
     collections::HashMap,
-    sync::{Arc, Mutex, PoisonError},
+    sync::{
+        Arc, Mutex, PoisonError,
+        atomic::{AtomicU64, Ordering},
+    },
 };
 
 use bytes::Bytes;
 use serde::Deserialize;
-use tileset::codec::{MAX_COLUMN_BYTES, MAX_PAGE_BYTES};
+use tileset::{
+    archive::Index,
+    codec::{MAX_COLUMN_BYTES, MAX_PAGE_BYTES},
+};
 
 use super::{
-    super::{Request, Ticket},
+    super::{Request, directories::parse_shared},
     HttpOptions,
     address::Address,
     client::{Got, HttpClient},
@@ -25,13 +31,16 @@ const MAX_INDEX_BYTES: u64 = 128 << 20;
 const MAX_ARCHIVES: usize = 4096;
 
 /// What the server's manifest says about the archive that requests are for.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[derive(Clone, Deserialize)]
 struct Known {
     /// Content id, 32 hexadecimal digits.
     id: String,
     index_bytes: u64,
     largest_page_bytes: u64,
     largest_column_bytes: u64,
+    /// What it says about its records, once it has been asked for.
+    #[serde(skip)]
+    index: Option<Arc<Index>>,
 }
 
 impl Known {
@@ -41,6 +50,34 @@ impl Known {
             Request::Index { .. } => self.index_bytes.min(MAX_INDEX_BYTES),
             Request::Page { .. } => self.largest_page_bytes.min(MAX_PAGE_BYTES.into()),
             Request::Column { .. } => self.largest_column_bytes.min(MAX_COLUMN_BYTES.into()),
+        }
+    }
+
+    /// Bytes of a record, if they are known.
+    fn length(&self, request: &Request) -> Option<u64> {
+        let record = request.record(self.index.as_ref()?).ok()??;
+        Some(record.length.into())
+    }
+}
+
+/// A request, and what is known of it while it is on its way.
+pub(super) struct Flight {
+    pub(super) request: Request,
+    /// Caches on the way are to ask the server.
+    pub(super) anew: bool,
+    /// Bytes that were received for it.
+    pub(super) wire_bytes: AtomicU64,
+    /// Bytes of the record; 0 while it is not known.
+    pub(super) length: AtomicU64,
+}
+
+impl Flight {
+    pub(super) fn new(request: Request, anew: bool) -> Self {
+        Self {
+            request,
+            anew,
+            wire_bytes: AtomicU64::new(0),
+            length: AtomicU64::new(0),
         }
     }
 }
@@ -64,24 +101,28 @@ impl Fetcher {
         }
     }
 
-    /// Fetches what is asked for, and adds up the bytes that this takes.
-    pub(super) async fn fetch(
-        &self,
-        request: &Request,
-        ticket: Ticket,
-        wire_bytes: &mut u64,
-    ) -> Result<Bytes> {
-        let mut exchange = Exchange {
+    /// Fetches what is asked for.
+    pub(super) async fn fetch(&self, flight: &Flight) -> Result<Bytes> {
+        let exchange = Exchange {
             fetcher: self,
-            request,
-            ticket,
-            wire_bytes,
+            request: &flight.request,
+            flight,
         };
-        let slot = self.slot(request)?;
-        match request {
+        let slot = self.slot(&flight.request)?;
+        match flight.request {
             Request::Index { .. } => exchange.index(&slot).await,
             _ => exchange.record(&slot).await,
         }
+    }
+
+    /// Exchanges with the server so far.
+    pub(super) fn exchanges(&self) -> u64 {
+        self.client.exchanges()
+    }
+
+    /// Where the server is.
+    pub(super) fn origin(&self) -> &str {
+        self.address.base()
     }
 
     fn slot(&self, request: &Request) -> Result<Slot> {
@@ -112,20 +153,21 @@ impl Fetcher {
 struct Exchange<'a> {
     fetcher: &'a Fetcher,
     request: &'a Request,
-    ticket: Ticket,
-    wire_bytes: &'a mut u64,
+    flight: &'a Flight,
 }
 
 impl Exchange<'_> {
     /// The index of the archive that the server has now; from here on records are asked for under its id.
-    async fn index(&mut self, slot: &Slot) -> Result<Bytes> {
+    async fn index(&self, slot: &Slot) -> Result<Bytes> {
         let mut slot = slot.lock().await;
         let mut missing = String::new();
         // Twice, because the archive may be replaced between the two requests.
         for _ in 0..2 {
-            let known = self.manifest().await?;
+            let mut known = self.manifest().await?;
             match self.get(&known).await? {
                 Got::Bytes(bytes) => {
+                    // If it does not hold, whoever asked for it will see.
+                    known.index = parse_shared(&bytes).ok();
                     *slot = Some(known);
                     return Ok(bytes);
                 }
@@ -135,7 +177,7 @@ impl Exchange<'_> {
         Err(Error::NotFound(format!("{} ({missing})", self.request)))
     }
 
-    async fn record(&mut self, slot: &Slot) -> Result<Bytes> {
+    async fn record(&self, slot: &Slot) -> Result<Bytes> {
         let known = {
             let mut slot = slot.lock().await;
             match &*slot {
@@ -143,6 +185,8 @@ impl Exchange<'_> {
                 None => slot.insert(self.manifest().await?).clone(),
             }
         };
+        let length = known.length(self.request).unwrap_or(0);
+        self.flight.length.store(length, Ordering::Relaxed);
         let detail = match self.get(&known).await? {
             Got::Bytes(bytes) => return Ok(bytes),
             Got::Missing(detail) => detail,
@@ -162,12 +206,14 @@ impl Exchange<'_> {
         })
     }
 
-    async fn manifest(&mut self) -> Result<Known> {
+    async fn manifest(&self) -> Result<Known> {
         let url = self.fetcher.address.manifest(self.request.archive());
-        let got = self
-            .fetcher
-            .client
-            .get(&url, MAX_MANIFEST_BYTES, self.ticket.0, self.wire_bytes);
+        let got = self.fetcher.client.get(
+            &url,
+            MAX_MANIFEST_BYTES,
+            self.flight.anew,
+            &self.flight.wire_bytes,
+        );
         let json = match got.await? {
             Got::Bytes(json) => json,
             Got::Missing(detail) => return Err(Error::NotFound(format!("{url} ({detail})"))),
@@ -190,11 +236,16 @@ impl Exchange<'_> {
         Ok(known)
     }
 
-    async fn get(&mut self, known: &Known) -> Result<Got> {
+    async fn get(&self, known: &Known) -> Result<Got> {
         let url = self.fetcher.address.record(self.request, &known.id);
         self.fetcher
             .client
-            .get(&url, known.limit(self.request), self.ticket.0, self.wire_bytes)
+            .get(
+                &url,
+                known.limit(self.request),
+                self.flight.anew,
+                &self.flight.wire_bytes,
+            )
             .await
     }
 }

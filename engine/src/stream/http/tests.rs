@@ -13,7 +13,10 @@ use std::{
 };
 
 use super::{
-    super::conformance::{Fixture, Served, archive, drain, fetch},
+    super::{
+        RetriedSource, RetryOptions,
+        conformance::{Fixture, Served, archive, drain, fetch},
+    },
     *,
 };
 
@@ -46,6 +49,14 @@ struct Scripted {
     sent: Arc<AtomicU64>,
     connections: Arc<AtomicU64>,
     asked: Arc<Mutex<Vec<String>>>,
+}
+
+fn retried(source: HttpSource) -> RetriedSource<HttpSource> {
+    let options = RetryOptions {
+        backoff: Duration::from_millis(1),
+        ..RetryOptions::default()
+    };
+    RetriedSource::new(source, options)
 }
 
 const ID: &str = "0123456789abcdef0123456789abcdef";
@@ -87,15 +98,8 @@ impl Scripted {
         Self::start(manifest.into_iter().chain(others))
     }
 
-    fn source(&self) -> HttpSource {
-        HttpSource::new(
-            &self.url,
-            HttpOptions {
-                backoff: Duration::from_millis(1),
-                ..HttpOptions::default()
-            },
-        )
-        .unwrap()
+    fn source(&self) -> RetriedSource<HttpSource> {
+        retried(HttpSource::new(&self.url, HttpOptions::default()).unwrap())
     }
 
     fn asked(&self, path: &str) -> usize {
@@ -171,12 +175,12 @@ fn column(group: u16) -> Request {
 const COLUMN: &str = "/v1/a/0123456789abcdef0123456789abcdef/column/0";
 
 #[track_caller]
-fn fetch_one(source: &mut HttpSource) -> Answer {
+fn fetch_one(source: &mut dyn TileSource) -> Answer {
     fetch(source, &[column(0)]).remove(0)
 }
 
 #[track_caller]
-fn error(source: &mut HttpSource) -> String {
+fn error(source: &mut dyn TileSource) -> String {
     fetch_one(source).bytes.expect_err("an error").to_string()
 }
 
@@ -227,11 +231,9 @@ fn a_server_that_is_not_there_is_named_with_what_to_do() {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         format!("http://{}", listener.local_addr().unwrap())
     };
-    let options = HttpOptions {
-        backoff: Duration::from_millis(1),
-        ..HttpOptions::default()
-    };
-    let said = error(&mut HttpSource::new(&url, options).unwrap());
+    let said = error(&mut retried(
+        HttpSource::new(&url, HttpOptions::default()).unwrap(),
+    ));
     for part in [&*url, "refused", "eigentile serve", "--tiles"] {
         assert!(said.contains(part), "{part}: {said}");
     }
@@ -278,7 +280,6 @@ fn silence_ends() {
     let server = Scripted::with_manifest(10, [(COLUMN, vec![Reply::Silence(hung_up)])]);
     let options = HttpOptions {
         silence: Duration::from_millis(50),
-        backoff: Duration::from_millis(1),
         ..HttpOptions::default()
     };
     let said = error(&mut HttpSource::new(&server.url, options).unwrap());
@@ -300,7 +301,40 @@ fn cancelling_ends_the_request() {
     ended
         .recv_timeout(Duration::from_secs(10))
         .expect("the connection is closed, not waited for");
-    assert_eq!(source.in_flight(), 0);
+    assert_eq!((source.in_flight(), source.stats().cancelled), (0, 1));
+}
+
+#[test]
+fn retry_after_is_honoured() {
+    let busy = Reply::Raw(
+        b"HTTP/1.1 503 Service Unavailable\r\nretry-after: 1\r\ncontent-length: 0\r\n\r\n".to_vec(),
+    );
+    let server = Scripted::with_manifest(100, [(COLUMN, vec![busy, ok("the column")])]);
+    let begin = Instant::now();
+    assert_eq!(fetch_one(&mut server.source()).bytes.unwrap(), "the column");
+    assert!(begin.elapsed() >= Duration::from_secs(1), "{:?}", begin.elapsed());
+}
+
+#[test]
+fn what_never_crossed_the_wire_is_counted() {
+    let (hung_up, _keep) = mpsc::channel();
+    let bytes = archive(1);
+    let archive = tileset::Archive::open(bytes).unwrap();
+    let path: &'static str = format!("/v1/a/{ID}/index").leak();
+    let replies = [
+        (path, vec![ok(archive.prefix().unwrap())]),
+        (COLUMN, vec![Reply::Silence(hung_up)]),
+    ];
+    let server = Scripted::with_manifest(1 << 20, replies);
+    let mut source = server.source();
+    fetch(&mut source, &[Request::Index { archive: "a".into() }]);
+    let ticket = source.submit(column(0)).unwrap();
+    while server.asked(COLUMN) == 0 {
+        source.wait(Duration::from_millis(1));
+    }
+    source.cancel(ticket);
+    let length = archive.index.column(0).unwrap().length;
+    assert_eq!(source.stats().cancelled_bytes_saved, u64::from(length));
 }
 
 #[test]
@@ -360,7 +394,8 @@ fn an_archive_that_is_replaced_between_manifest_and_index_is_loaded() {
     let replaced = vec![ok(manifest(ID, 10)), ok(manifest(&new, 10))];
     let path: &'static str = format!("/v1/a/{new}/index").leak();
     let server = Scripted::start([("/v1/a", replaced), (path, vec![ok("an index")])]);
-    let answers = fetch(&mut server.source(), &[Request::Index { archive: "a".into() }]);
+    let mut source = HttpSource::new(&server.url, HttpOptions::default()).unwrap();
+    let answers = fetch(&mut source, &[Request::Index { archive: "a".into() }]);
     assert_eq!(answers[0].bytes.as_ref().unwrap(), "an index");
 }
 
