@@ -155,7 +155,7 @@ impl<S: TileSource> Worker<S> {
                     return;
                 }
             }
-            *self.stats.lock().unwrap_or_else(PoisonError::into_inner) = self.inner.stats();
+            self.count();
             if came || self.outer.is_empty() {
                 continue;
             }
@@ -208,8 +208,14 @@ impl<S: TileSource> Worker<S> {
         }
     }
 
+    fn count(&self) {
+        *self.stats.lock().unwrap_or_else(PoisonError::into_inner) = self.inner.stats();
+    }
+
     /// Returns whether anybody listens.
     fn pass_on(&mut self, answer: Answer) -> bool {
+        // First, so that who has an answer sees it counted.
+        self.count();
         // Repeated, or given up.
         let Some(ticket) = self.outer.remove(&answer.ticket) else {
             return true;

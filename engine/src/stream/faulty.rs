@@ -92,21 +92,37 @@ impl<S: TileSource> FaultySource<S> {
     }
 }
 
-/// The same answer once more; errors cannot be cloned, so theirs is worded again.
+/// The same answer once more.
 fn again(answer: &Answer) -> Answer {
-    let bytes = answer
-        .bytes
-        .as_ref()
-        .map(Clone::clone)
-        .map_err(|error| Error::Source {
-            what: answer.request.to_string(),
-            detail: error.to_string(),
-        });
     Answer {
         ticket: answer.ticket,
         request: answer.request.clone(),
-        bytes,
+        bytes: match &answer.bytes {
+            Ok(bytes) => Ok(bytes.clone()),
+            Err(error) => Err(worded_again(error, &answer.request)),
+        },
         wire_bytes: answer.wire_bytes,
+    }
+}
+
+/// Errors cannot be cloned: the same kind for those that callers decide on.
+fn worded_again(error: &Error, request: &Request) -> Error {
+    match error {
+        Error::NotFound(what) => Error::NotFound(what.clone()),
+        Error::Archive(tileset::Error::NotFound { .. }) => Error::NotFound(request.to_string()),
+        Error::Unavailable {
+            what,
+            detail,
+            retry_after,
+        } => Error::Unavailable {
+            what: what.clone(),
+            detail: detail.clone(),
+            retry_after: *retry_after,
+        },
+        other => Error::Source {
+            what: request.to_string(),
+            detail: other.to_string(),
+        },
     }
 }
 

@@ -435,11 +435,12 @@ mod tests {
         source.submit(column()).unwrap();
         let mut at = vec![0];
         for now in 0..200_000 {
-            if let Some(answer) = source.poll() {
-                return (answer, at);
-            }
+            let answer = source.poll();
             if source.inner.submitted.len() > at.len() {
                 at.push(now);
+            }
+            if let Some(answer) = answer {
+                return (answer, at);
             }
             time.pass(1);
         }

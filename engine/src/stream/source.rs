@@ -101,7 +101,8 @@ pub trait TileSource {
     fn capacity(&self) -> usize;
     /// Requests in flight: submitted and neither answered nor cancelled.
     fn in_flight(&self) -> usize;
-    /// Asks for a record. Returns `None`, and does nothing, when the capacity is used up.
+    /// Asks for a record. Returns `None`, and does nothing, when the capacity is used up. What is submitted in one go may
+    /// be sent together, with the next `poll` or `wait`.
     fn submit(&mut self, request: Request) -> Option<Ticket>;
     /// Gives a request up; its answer, if any, will not be delivered. Unknown tickets are ignored.
     fn cancel(&mut self, ticket: Ticket);

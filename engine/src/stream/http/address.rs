@@ -43,6 +43,11 @@ impl Address {
         format!("{}/v1/{}", self.base, escape(archive))
     }
 
+    /// Address of many records in one answer.
+    pub(in crate::stream) fn batch(&self, archive: &str, id: &str, list: &str) -> String {
+        format!("{}/v1/{}/{id}/batch/{list}", self.base, escape(archive))
+    }
+
     /// Address of what is asked for, in the archive with this content id.
     pub(super) fn record(&self, request: &Request, id: &str) -> String {
         let archive = format!("{}/v1/{}/{id}", self.base, escape(request.archive()));

@@ -27,11 +27,20 @@ pub(super) enum Got {
     Missing(String),
 }
 
+/// The head of an answer.
+pub(super) enum Begun {
+    /// There is something, and this it comes as.
+    Body(Incoming),
+    /// 404 or 410, and what the server says about it.
+    Missing(String),
+}
+
 /// Connections to one server, and how it is asked.
 pub(super) struct HttpClient {
     client: Connections,
     options: HttpOptions,
     exchanges: AtomicU64,
+    received: AtomicU64,
 }
 
 impl HttpClient {
@@ -41,6 +50,7 @@ impl HttpClient {
             client,
             options,
             exchanges: AtomicU64::new(0),
+            received: AtomicU64::new(0),
         }
     }
 
@@ -49,9 +59,27 @@ impl HttpClient {
         self.exchanges.load(Ordering::Relaxed)
     }
 
+    /// Bytes so far, headers included, wanted or not.
+    pub(super) fn received(&self) -> u64 {
+        self.received.load(Ordering::Relaxed)
+    }
+
+    fn count(&self, bytes: u64, wire_bytes: &AtomicU64) {
+        self.received.fetch_add(bytes, Ordering::Relaxed);
+        wire_bytes.fetch_add(bytes, Ordering::Relaxed);
+    }
+
     /// Gets up to `limit` bytes from `url`, from the server itself if `anew`. All bytes that are received are added
     /// to `wire_bytes`.
     pub(super) async fn get(&self, url: &str, limit: u64, anew: bool, wire_bytes: &AtomicU64) -> Result<Got> {
+        match self.begin(url, anew, wire_bytes).await? {
+            Begun::Body(body) => self.body(url, body, limit, wire_bytes).await.map(Got::Bytes),
+            Begun::Missing(message) => Ok(Got::Missing(message)),
+        }
+    }
+
+    /// Sends a GET and waits for its head, which is added to `wire_bytes`.
+    pub(super) async fn begin(&self, url: &str, anew: bool, wire_bytes: &AtomicU64) -> Result<Begun> {
         let request = request(url, anew)?;
         self.exchanges.fetch_add(1, Ordering::Relaxed);
         let silence = self.options.silence;
@@ -60,10 +88,10 @@ impl HttpClient {
         let response = response
             .map_err(|_| passing(url, silent(silence), None))?
             .map_err(|error| passing(url, unreachable(&uri, &error), None))?;
-        wire_bytes.fetch_add(head_bytes(&response), Ordering::Relaxed);
+        self.count(head_bytes(&response), wire_bytes);
         let status = response.status();
         if status == StatusCode::OK || status == StatusCode::NO_CONTENT {
-            return self.body(url, response, limit, wire_bytes).await.map(Got::Bytes);
+            return Ok(Begun::Body(response.into_body()));
         }
         let retry_after = response
             .headers()
@@ -72,7 +100,7 @@ impl HttpClient {
             .map(Duration::from_secs);
         let message = self.message(url, response, wire_bytes).await;
         match status {
-            StatusCode::NOT_FOUND | StatusCode::GONE => Ok(Got::Missing(message)),
+            StatusCode::NOT_FOUND | StatusCode::GONE => Ok(Begun::Missing(message)),
             StatusCode::TOO_MANY_REQUESTS | StatusCode::REQUEST_TIMEOUT => {
                 Err(passing(url, message, retry_after))
             }
@@ -84,23 +112,26 @@ impl HttpClient {
         }
     }
 
-    /// Reads a body of at most `limit` bytes. Memory grows with what arrives, not with what is announced.
-    async fn body(
-        &self,
-        url: &str,
-        response: Response<Incoming>,
-        limit: u64,
-        wire_bytes: &AtomicU64,
-    ) -> Result<Bytes> {
+    /// The next bytes of a body; `None` at its end. The caller counts them.
+    pub(super) async fn data(&self, url: &str, body: &mut Incoming) -> Result<Option<Bytes>> {
         let silence = self.options.silence;
-        let mut body = response.into_body();
-        let mut all = BytesMut::new();
         while let Some(frame) = timeout(silence, body.frame())
             .await
             .map_err(|_| passing(url, silent(silence), None))?
         {
             let frame = frame.map_err(|error| passing(url, broken_off(&error), None))?;
-            let Ok(data) = frame.into_data() else { continue };
+            if let Ok(data) = frame.into_data() {
+                self.received.fetch_add(data.len() as u64, Ordering::Relaxed);
+                return Ok(Some(data));
+            }
+        }
+        Ok(None)
+    }
+
+    /// Reads a body of at most `limit` bytes. Memory grows with what arrives, not with what is announced.
+    async fn body(&self, url: &str, mut body: Incoming, limit: u64, wire_bytes: &AtomicU64) -> Result<Bytes> {
+        let mut all = BytesMut::new();
+        while let Some(data) = self.data(url, &mut body).await? {
             wire_bytes.fetch_add(data.len() as u64, Ordering::Relaxed);
             if (all.len() + data.len()) as u64 > limit {
                 let detail = format!("the answer is longer than the {limit} bytes that are expected at most");
@@ -127,7 +158,7 @@ impl HttpClient {
             .get(header::CONTENT_TYPE)
             .is_some_and(|kind| kind == "application/json");
         let body = self
-            .body(url, response, MAX_MESSAGE_BYTES, wire_bytes)
+            .body(url, response.into_body(), MAX_MESSAGE_BYTES, wire_bytes)
             .await
             .ok()
             .filter(|_| json);

@@ -3,7 +3,7 @@
 use std::{
     collections::HashMap,
     sync::{
-        Arc, Mutex, PoisonError,
+        Arc, Mutex, OnceLock, PoisonError,
         atomic::{AtomicU64, Ordering},
     },
 };
@@ -19,7 +19,8 @@ use super::{
     super::{Request, directories::parse_shared},
     HttpOptions,
     address::Address,
-    client::{Got, HttpClient},
+    batch::{self, Carrier, Frames},
+    client::{Begun, Got, HttpClient},
 };
 use crate::{Error, Result};
 
@@ -38,9 +39,18 @@ struct Known {
     index_bytes: u64,
     largest_page_bytes: u64,
     largest_column_bytes: u64,
+    #[serde(default)]
+    urls: Urls,
     /// What it says about its records, once it has been asked for.
     #[serde(skip)]
     index: Option<Arc<Index>>,
+}
+
+/// What the server does.
+#[derive(Clone, Default, Deserialize)]
+struct Urls {
+    /// Many records in one answer.
+    batch: Option<String>,
 }
 
 impl Known {
@@ -69,6 +79,8 @@ pub(super) struct Flight {
     pub(super) wire_bytes: AtomicU64,
     /// Bytes of the record; 0 while it is not known.
     pub(super) length: AtomicU64,
+    /// What brings it, once it is sent.
+    pub(super) carrier: OnceLock<Arc<Carrier>>,
 }
 
 impl Flight {
@@ -78,6 +90,7 @@ impl Flight {
             anew,
             wire_bytes: AtomicU64::new(0),
             length: AtomicU64::new(0),
+            carrier: OnceLock::new(),
         }
     }
 }
@@ -115,9 +128,98 @@ impl Fetcher {
         }
     }
 
+    /// Whether many records of an archive can be had in one answer, as far as is known.
+    pub(super) fn has_batches(&self, archive: &str) -> bool {
+        let archives = self.archives.lock().unwrap_or_else(PoisonError::into_inner);
+        let known = archives.get(archive).and_then(|slot| slot.try_lock().ok());
+        known.is_some_and(|known| known.as_ref().is_some_and(|known| known.urls.batch.is_some()))
+    }
+
+    /// Fetches records of one archive in one exchange, and hands each to `answer` as soon as it is there.
+    pub(super) async fn fetch_all(&self, flights: &[Arc<Flight>], answer: impl Fn(usize, Result<Bytes>)) {
+        let Some(first) = flights.first() else { return };
+        let known = match self.slot(&first.request) {
+            Ok(slot) => slot.lock().await.clone(),
+            Err(_) => None,
+        };
+        let mut came = 0;
+        if let Some(known) = known {
+            match self.batch(&known, flights, &mut came, &answer).await {
+                Ok(()) => {}
+                Err(error) => {
+                    for (at, flight) in flights.iter().enumerate().skip(came) {
+                        answer(at, Err(worded_again(&error, &flight.request)));
+                    }
+                    return;
+                }
+            }
+        }
+        // The server has no such batch: what it says to each will tell why.
+        for (at, flight) in flights.iter().enumerate().skip(came) {
+            answer(at, self.fetch(flight).await);
+        }
+    }
+
+    /// Reads a batch; `came` counts the records that were answered, all unless there is no such batch.
+    async fn batch(
+        &self,
+        known: &Known,
+        flights: &[Arc<Flight>],
+        came: &mut usize,
+        answer: &impl Fn(usize, Result<Bytes>),
+    ) -> Result<()> {
+        for flight in flights {
+            let length = known.length(&flight.request).unwrap_or(0);
+            flight.length.store(length, Ordering::Relaxed);
+        }
+        let list = batch::list(flights);
+        let url = self.address.batch(flights[0].request.archive(), &known.id, &list);
+        let Begun::Body(mut body) = self.client.begin(&url, false, &flights[0].wire_bytes).await? else {
+            return Ok(());
+        };
+        let mut frames = Frames::default();
+        while *came < flights.len() {
+            let flight = &flights[*came];
+            let failed = |detail: String| Error::Source {
+                what: url.clone(),
+                detail,
+            };
+            let Some(frame) = frames
+                .next(&flight.request, known.limit(&flight.request))
+                .map_err(failed)?
+            else {
+                match self.client.data(&url, &mut body).await? {
+                    Some(data) => frames.push(&data),
+                    None => {
+                        return Err(Error::Unavailable {
+                            what: url,
+                            detail: format!("the batch ends after {came} of {} records", flights.len()),
+                            retry_after: None,
+                        });
+                    }
+                }
+                continue;
+            };
+            let taken = frames.taken(&frame);
+            flight.wire_bytes.fetch_add(taken, Ordering::Relaxed);
+            let bytes = match batch::answer(&flight.request, &url, frame) {
+                Some(bytes) => bytes,
+                None => self.fetch(flight).await,
+            };
+            answer(*came, bytes);
+            *came += 1;
+        }
+        Ok(())
+    }
+
     /// Exchanges with the server so far.
     pub(super) fn exchanges(&self) -> u64 {
         self.client.exchanges()
+    }
+
+    /// Bytes so far, wanted or not.
+    pub(super) fn received(&self) -> u64 {
+        self.client.received()
     }
 
     /// Where the server is.
@@ -146,6 +248,23 @@ impl Fetcher {
         Ok(Arc::clone(
             archives.entry(Arc::clone(request.archive())).or_default(),
         ))
+    }
+}
+
+/// The same failure for another request of the batch.
+fn worded_again(error: &Error, request: &Request) -> Error {
+    match error {
+        Error::Unavailable {
+            detail, retry_after, ..
+        } => Error::Unavailable {
+            what: request.to_string(),
+            detail: detail.clone(),
+            retry_after: *retry_after,
+        },
+        other => Error::Source {
+            what: request.to_string(),
+            detail: other.to_string(),
+        },
     }
 }
 

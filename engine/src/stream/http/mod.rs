@@ -4,6 +4,7 @@
 //! has its own client.
 
 mod address;
+mod batch;
 mod client;
 mod connect;
 mod fetch;
@@ -16,14 +17,14 @@ use std::{
     time::Duration,
 };
 
-use tokio::{
-    runtime::{Builder, Runtime},
-    task::AbortHandle,
-};
+use tokio::runtime::{Builder, Runtime};
 
 pub(super) use self::address::Address;
-use self::fetch::{Fetcher, Flight};
 pub use self::transport::HttpTransport;
+use self::{
+    batch::Carrier,
+    fetch::{Fetcher, Flight},
+};
 use super::{Answer, Request, SourceStats, Ticket, TileSource, inbox::Inbox};
 use crate::{Error, Result};
 
@@ -65,11 +66,15 @@ fn network_thread() -> Result<Runtime> {
 /// content never changes. When the server has a newer archive of the name, records of the old one are refused
 /// with an error that says so, until the index is asked for again.
 ///
+/// Records that are submitted between two looks (`poll` or `wait`) travel together where the server does batches.
+///
 /// A request is tried once, and hashes are not checked: [`super::RetriedSource`] does both.
 ///
 /// [`Answer::wire_bytes`] counts bodies and headers that were received, manifests included.
 pub struct HttpSource {
-    inbox: Inbox<(Arc<Flight>, AbortHandle)>,
+    inbox: Inbox<Arc<Flight>>,
+    /// Records that are sent with the next look at the source, so that those of one go are seen together.
+    pending: Vec<(Ticket, Arc<Flight>)>,
     fetcher: Arc<Fetcher>,
     stats: SourceStats,
     /// `None` only while the source is dropped.
@@ -87,31 +92,72 @@ impl HttpSource {
         Ok(Self {
             inbox,
             fetcher: Arc::new(Fetcher::new(address, options)),
+            pending: Vec::new(),
             stats: SourceStats::default(),
             runtime: Some(network_thread()?),
         })
     }
 
     fn open(&mut self, request: Request, anew: bool) -> Option<Ticket> {
-        let runtime = self.runtime.as_ref()?;
+        let flight = Arc::new(Flight::new(request, anew));
+        let ticket = self.inbox.open(|_| Arc::clone(&flight))?;
+        self.stats.requested += 1;
+        if anew || matches!(flight.request, Request::Index { .. }) {
+            self.send(vec![(ticket, flight)]);
+        } else {
+            self.pending.push((ticket, flight));
+        }
+        Some(ticket)
+    }
+
+    /// Sends what was submitted since the last call: records of one archive together, if the server does that.
+    fn send_pending(&mut self) {
+        while let Some((_, first)) = self.pending.first() {
+            let archive = Arc::clone(first.request.archive());
+            let mut together = 0;
+            let most = match self.fetcher.has_batches(&archive) {
+                true => batch::MAX_RECORDS,
+                false => 1,
+            };
+            let taken = self.pending.extract_if(.., |(_, flight)| {
+                let taken = together < most && *flight.request.archive() == archive;
+                together += usize::from(taken);
+                taken
+            });
+            let taken = taken.collect();
+            self.send(taken);
+        }
+    }
+
+    /// Sends requests, several only to a server with batches.
+    fn send(&mut self, sent: Vec<(Ticket, Arc<Flight>)>) {
+        let Some(runtime) = self.runtime.as_ref() else {
+            return;
+        };
+        let carrier = Carrier::of(sent.len());
+        let (tickets, flights): (Vec<Ticket>, Vec<Arc<Flight>>) = sent.into_iter().unzip();
+        for flight in &flights {
+            // Each is sent once.
+            let _ = flight.carrier.set(Arc::clone(&carrier));
+        }
         let (fetcher, answers) = (Arc::clone(&self.fetcher), self.inbox.sender());
-        let ticket = self.inbox.open(|ticket| {
-            let flight = Arc::new(Flight::new(request, anew));
-            let flying = Arc::clone(&flight);
-            let fetched = async move {
-                let bytes = fetcher.fetch(&flying).await;
+        let fetched = async move {
+            let answer = |at: usize, bytes| {
+                let flight: &Flight = &flights[at];
                 // Nobody listens any more: the source is gone.
                 let _ = answers.send(Answer {
-                    ticket,
-                    request: flying.request.clone(),
+                    ticket: tickets[at],
+                    request: flight.request.clone(),
                     bytes,
-                    wire_bytes: flying.wire_bytes.load(Ordering::Relaxed),
+                    wire_bytes: flight.wire_bytes.load(Ordering::Relaxed),
                 });
             };
-            (flight, runtime.spawn(fetched).abort_handle())
-        })?;
-        self.stats.requested += 1;
-        Some(ticket)
+            match &*flights {
+                [only] => answer(0, fetcher.fetch(only).await),
+                several => fetcher.fetch_all(several, answer).await,
+            }
+        };
+        carrier.set_task(runtime.spawn(fetched).abort_handle());
     }
 }
 
@@ -133,23 +179,26 @@ impl TileSource for HttpSource {
     }
 
     fn cancel(&mut self, ticket: Ticket) {
-        if let Some((flight, task)) = self.inbox.give_up(ticket) {
-            task.abort();
+        let Some(flight) = self.inbox.give_up(ticket) else {
+            return;
+        };
+        self.pending.retain(|(pending, _)| *pending != ticket);
+        self.stats.cancelled += 1;
+        // A record in the middle of a batch comes all the same.
+        if flight.carrier.get().is_none_or(|carrier| carrier.give_up()) {
             let received = flight.wire_bytes.load(Ordering::Relaxed);
             let length = flight.length.load(Ordering::Relaxed);
-            self.stats.cancelled += 1;
-            self.stats.wire_bytes += received;
             self.stats.cancelled_bytes_saved += length.saturating_sub(received);
         }
     }
 
     fn poll(&mut self) -> Option<Answer> {
-        let answer = self.inbox.poll()?;
-        self.stats.wire_bytes += answer.wire_bytes;
-        Some(answer)
+        self.send_pending();
+        self.inbox.poll()
     }
 
     fn wait(&mut self, limit: Duration) {
+        self.send_pending();
         self.inbox.wait(limit);
     }
 
@@ -160,6 +209,7 @@ impl TileSource for HttpSource {
     fn stats(&self) -> SourceStats {
         SourceStats {
             exchanges: self.fetcher.exchanges(),
+            wire_bytes: self.fetcher.received(),
             ..self.stats
         }
     }
@@ -167,7 +217,11 @@ impl TileSource for HttpSource {
 
 impl Drop for HttpSource {
     fn drop(&mut self) {
-        self.inbox.drain().for_each(|(_, task)| task.abort());
+        let carriers = self
+            .inbox
+            .drain()
+            .filter_map(|flight| flight.carrier.get().cloned());
+        carriers.for_each(|carrier| _ = carrier.give_up());
         if let Some(runtime) = self.runtime.take() {
             runtime.shutdown_background();
         }

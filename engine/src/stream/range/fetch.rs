@@ -97,10 +97,19 @@ impl Fetch {
         let start = self.range.start;
         let end = start + self.buffer.len() as u64;
         let whole = self.records.partition_point(|record| record.range.end <= end);
+        let last = self.records.last().map(|record| record.ticket);
         for record in self.records.drain(..whole) {
             let place = (record.range.start - start) as usize..(record.range.end - start) as usize;
             let bytes = Bytes::copy_from_slice(&self.buffer[place]);
-            came((record, bytes, std::mem::take(&mut self.uncounted)));
+            // Its own bytes; what has come beside the records counts for the last one.
+            let last = last == Some(record.ticket);
+            let counted = if last {
+                self.uncounted
+            } else {
+                self.uncounted.min(bytes.len() as u64)
+            };
+            self.uncounted -= counted;
+            came((record, bytes, counted));
         }
         Ok(self.records.is_empty())
     }

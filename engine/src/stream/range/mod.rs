@@ -50,8 +50,8 @@ const MAX_HEAD_BYTES: usize = 512 << 20;
 /// An archive's index fixes its version. When the host has another one, records of the old are refused with
 /// an error that says so, until the index is asked for again.
 ///
-/// [`Answer::wire_bytes`] counts what was received and not counted before: of a range, its head and what lies between
-/// records count for the record that comes next, and records that came with the index cost nothing.
+/// [`Answer::wire_bytes`] counts a record's own bytes; for the last one of a range also the range's head, and what lay between
+/// its records. Records that came with the index cost nothing.
 pub struct RangeSource<T> {
     transport: T,
     base: String,

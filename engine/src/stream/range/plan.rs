@@ -78,27 +78,27 @@ mod tests {
         (0..).zip(ranges).map(wanted).collect()
     }
 
-    fn ranges(ranges: &[Range<u64>]) -> Vec<Range<u64>> {
+    fn ranges(ranges: &[Range<u64>]) -> Vec<(u64, u64)> {
         let mut wanted = wanted(ranges);
         std::iter::from_fn(|| take(&mut wanted))
-            .map(|(range, _)| range)
+            .map(|(range, _)| (range.start, range.end))
             .collect()
     }
 
     #[test]
     fn neighbours_travel_together() {
-        assert_eq!(ranges(&[100..200, 200..300, 0..100]), [0..300]);
+        assert_eq!(ranges(&[100..200, 200..300, 0..100]), [(0, 300)]);
         assert_eq!(
             ranges(&[10_000..10_100, 0..100]),
-            [10_000..10_100, 0..100],
+            [(10_000, 10_100), (0, 100)],
             "too far"
         );
-        assert_eq!(ranges(&[0..100, 4196..4200]), [0..4200], "a small gap");
+        assert_eq!(ranges(&[0..100, 4196..4200]), [(0, 4200)], "a small gap");
         assert_eq!(ranges(&[0..100, 4197..4200]).len(), 2);
-        assert_eq!(ranges(&[5..9, 5..9, 5..9]), [5..9], "the same thrice");
+        assert_eq!(ranges(&[5..9, 5..9, 5..9]), [(5, 9)], "the same thrice");
         let long = 0..RANGE_BYTES * 2;
         let next = long.end..long.end + 1;
-        assert_eq!(ranges(&[long.clone(), next.clone()]), [long, next]);
+        assert_eq!(ranges(&[long, next]).len(), 2);
     }
 
     #[test]
