@@ -225,7 +225,8 @@ fn put(port: u16, path: &str, bytes: &[u8]) {
     use std::io::Write;
     let mut stream = std::net::TcpStream::connect(("127.0.0.1", port)).unwrap();
     let head = format!(
-        "PUT {path} HTTP/1.1\r\nhost: 127.0.0.1:{port}\r\nconnection: close\r\ncontent-length: {}\r\n\r\n",
+        "PUT {path} HTTP/1.1\r\nhost: 127.0.0.1:{port}\r\nconnection: close\r\nx-amz-acl: public-read\r\n\
+         content-length: {}\r\n\r\n",
         bytes.len()
     );
     stream.write_all(&[head.as_bytes(), bytes].concat()).unwrap();

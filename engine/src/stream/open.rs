@@ -1,5 +1,7 @@
 //! A source of what a user typed.
 
+use std::hash::{BuildHasher, RandomState};
+
 use super::{
     BackgroundSource, DiskCacheOptions, DiskCachedSource, FolderSource, HttpOptions, HttpTransport,
     RangeSource, RetriedSource, RetryOptions, TileSource, either::EitherSource, http::Address,
@@ -7,14 +9,28 @@ use super::{
 use crate::{Error, Result};
 
 /// How [`open_with`] puts a source together. Defaults work.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct OpenOptions {
     /// How hosts are asked.
     pub http: HttpOptions,
-    /// How what fails is asked for again.
+    /// How what fails is asked for again; by default with another seed in every run.
     pub retry: RetryOptions,
     /// Where records of hosts are kept; nowhere by default. Those of a folder are on disk already.
     pub disk: Option<DiskCacheOptions>,
+}
+
+impl Default for OpenOptions {
+    fn default() -> Self {
+        let seed = RandomState::new().hash_one(0);
+        Self {
+            http: HttpOptions::default(),
+            retry: RetryOptions {
+                seed,
+                ..RetryOptions::default()
+            },
+            disk: None,
+        }
+    }
 }
 
 /// As [`open_with`], with the default options.

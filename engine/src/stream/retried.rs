@@ -50,7 +50,7 @@ type Clock = Box<dyn FnMut() -> Duration + Send>;
 /// keeps records stands outside of this, so that nothing unchecked is kept, and asking again goes past it. Records of archives whose
 /// index was never asked for cannot be checked, and are passed on as they came.
 ///
-/// [`Error::Unavailable`] is tried again after a pause: half to all of a length that doubles, by chance, so that those who
+/// [`Error::Unavailable`] is tried again after a pause: half to all of a length that doubles, by chance, so that programs that
 /// failed together do not come back together (Brooker: Exponential Backoff And Jitter, 2015, "equal jitter"), and never
 /// before the host's `Retry-After`. After the last attempt its error stands. All other errors stand at once.
 pub struct RetriedSource<S> {
@@ -58,6 +58,9 @@ pub struct RetriedSource<S> {
     options: RetryOptions,
     clock: Clock,
     random: SplitMix64,
+    /// Drawn anew whenever something is sent again: requests that fail together come back together, and can share
+    /// an exchange as before. It is other programs that must not come at the same time.
+    jitter: f64,
     next: u64,
     open: HashMap<Ticket, Open>,
     /// Requests that the inner source has, by its tickets.
@@ -91,11 +94,13 @@ impl<S: TileSource> RetriedSource<S> {
 impl<S: TileSource> RetriedSource<S> {
     /// As [`RetriedSource::new`], by this clock: time since any moment, which never goes back.
     pub fn with_clock(inner: S, options: RetryOptions, clock: Box<dyn FnMut() -> Duration + Send>) -> Self {
+        let mut random = SplitMix64(options.seed);
         Self {
             inner,
             options,
             clock,
-            random: SplitMix64(options.seed),
+            jitter: random.unit(),
+            random,
             next: 0,
             open: HashMap::new(),
             sent: HashMap::new(),
@@ -149,6 +154,9 @@ impl<S: TileSource> RetriedSource<S> {
             .filter_map(|(ticket, due)| (due <= now).then_some(ticket))
             .collect();
         due.sort_unstable();
+        if !due.is_empty() {
+            self.jitter = self.random.unit();
+        }
         for ticket in due {
             let Some(open) = self.open.get_mut(&ticket) else {
                 continue;
@@ -184,7 +192,7 @@ impl<S: TileSource> RetriedSource<S> {
             .backoff
             .saturating_mul(doubled)
             .min(self.options.longest_backoff);
-        let jitter = longest.mul_f64(0.5 + 0.5 * self.random.unit());
+        let jitter = longest.mul_f64(0.5 + 0.5 * self.jitter);
         Ok(jitter.max(asked))
     }
 

@@ -225,6 +225,7 @@ impl<T: Transport> RangeSource<T> {
                 ..
             }) = self.sites.get(&archive)
             else {
+                self.fail_records(records, &Trouble::passing("the archive is being loaded again"));
                 continue;
             };
             let get = Get {
