@@ -412,7 +412,10 @@ fn what_a_batch_does_not_have_is_asked_for_alone() {
     .concat();
     for (reply, kinds) in [
         (ok(frames), ["Ok", "NotFound", "Unavailable", "Ok"]),
-        (with_status("404 Not Found", ""), ["NotFound"; 4]),
+        (
+            with_status("404 Not Found", ""),
+            ["NotFound", "NotFound", "Ok", "Ok"],
+        ),
         (ok(frame(1, 200, b"one")), ["Source"; 4]),
         (ok("short"), ["Unavailable"; 4]),
         (with_status("503 Busy", ""), ["Unavailable"; 4]),
