@@ -4,6 +4,7 @@
 
 mod bench;
 mod bytes;
+mod cache;
 mod convert;
 mod demo;
 mod export;

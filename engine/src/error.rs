@@ -21,6 +21,16 @@ pub enum Error {
         /// What the source said.
         detail: String,
     },
+    /// A tile source could not answer now; asked again later it may.
+    #[error("{what}: {detail}")]
+    Unavailable {
+        /// What was asked for: archive and record, or an address.
+        what: String,
+        /// What went wrong.
+        detail: String,
+        /// How long the source itself asks to be left alone.
+        retry_after: Option<std::time::Duration>,
+    },
     /// The source has no such archive or record.
     #[error("{0} was not found: check the folder or address given with --tiles")]
     NotFound(String),

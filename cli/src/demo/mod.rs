@@ -12,6 +12,7 @@ use std::time::Instant;
 use anyhow::{Context as _, Result};
 use clap::Args;
 use engine::gpu::Context;
+use engine::stream::OpenOptions;
 use scenes::showcase;
 
 use crate::render::{self, Ledgers, reference};
@@ -107,7 +108,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     };
     let adapter = studio.context.adapter();
     let references = reference::References::open(&scene, &folder.join("npy"))?;
-    let ledgers = Ledgers::fetch(server.address(), &scene)?;
+    let ledgers = Ledgers::fetch(server.address(), &OpenOptions::default(), &scene)?;
 
     // The picture with everything in it comes first: it tells what 100 % is.
     let ample_bytes = ledgers.ample_bytes();

@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail};
 use engine::reference::{Incident, Placed, Rays};
-use engine::stream::{self, Request};
+use engine::stream::{self, OpenOptions, Request};
 use scenes::{Camera, Scene, Surface};
 use tileset::SLOT_AREA;
 use tileset::archive::Index;
@@ -39,8 +39,8 @@ struct Stated {
 
 impl Ledgers {
     /// Asks for the manifests of all archives that a scene names.
-    pub(crate) fn fetch(tiles: &str, scene: &Scene) -> Result<Self> {
-        let mut source = stream::open(tiles)?;
+    pub(crate) fn fetch(tiles: &str, options: &OpenOptions, scene: &Scene) -> Result<Self> {
+        let mut source = stream::open_with(tiles, options)?;
         let mut wanted: Vec<Arc<str>> = scene.archives().into_iter().map(Arc::from).collect();
         let mut by_archive = BTreeMap::new();
         let (total, start) = (wanted.len(), Instant::now());

@@ -13,10 +13,11 @@ use clap::Args;
 use engine::angular::Angular;
 use engine::frame::{Budgets, Counters, Engine, FrameStats, Options};
 use engine::gpu::{Context, PageFormat};
-use engine::stream;
+use engine::stream::{self, SourceStats};
 use scenes::{Camera, CameraPath, Scene};
 use serde::Serialize;
 
+use crate::cache::CacheArguments;
 use crate::{bytes, file, progress};
 pub(crate) use ledger::Ledgers;
 pub(crate) use reference::Quality;
@@ -28,9 +29,12 @@ pub(crate) struct Arguments {
     /// Scene: .gltf or .glb; docs/scenes.md says how materials name BTFs.
     #[arg(value_name = "SCENE.gltf")]
     scene: PathBuf,
-    /// Tile server (http://HOST:PORT) or folder of archives; without it the scene's own folder.
+    /// Tile server (http://HOST:PORT), folder of archives on any web server (http://HOST/FOLDER), or folder on disk;
+    /// without it the scene's own folder.
     #[arg(long, value_name = "URL|DIR")]
     tiles: Option<String>,
+    #[command(flatten)]
+    cache: CacheArguments,
     /// Camera path; without it the scene's first camera, or one that shows everything.
     #[arg(long, value_name = "PATH.json")]
     camera: Option<PathBuf>,
@@ -66,6 +70,7 @@ const EXAMPLES: &str = "\
 Examples:
   eigentile render scene.gltf --tiles tiles -o pictures
   eigentile render scene.gltf --tiles http://127.0.0.1:8080 --camera flight.json --frames 120 -o pictures
+  eigentile render scene.gltf --tiles http://example.org/btf/ --cache default -o pictures
   eigentile render scene.gltf --tiles tiles --cache-mib 16 -o pictures --reference npy --stats stats.json
   eigentile render scene.gltf --tiles tiles --cache-mib 4 --page-format byte --angular hemisphere -o pictures
 
@@ -101,6 +106,8 @@ struct Statistics {
     settling: Vec<FrameStats>,
     /// Work that was not needed, and work that went wrong.
     counters: Counters,
+    /// What was asked of the source, and what it took.
+    source: SourceStats,
     /// What went wrong without stopping the picture.
     problems: Vec<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -128,8 +135,13 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     file::make_folder(&arguments.output)?;
     let context = Context::headless()?;
     let adapter = context.adapter();
-    let mut engine = Engine::new(context, &scene, stream::open(&tiles)?, options)?;
+    let open_options = arguments.cache.open_options()?;
+    let source = stream::open_with(&tiles, &open_options)?;
+    let mut engine = Engine::new(context, &scene, source, options)?;
     engine.wait_for_materials(MANIFESTS)?;
+    if engine.source_stats().offline > 0 && !arguments.json {
+        eprintln!("note: offline: {tiles} cannot be reached; what the cache on disk has is shown");
+    }
 
     let mut frames = Vec::with_capacity(cameras.len());
     let bar = progress::bar("rendering", cameras.len() as u64, arguments.json);
@@ -163,7 +175,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
                 residency_rms,
                 quiet: arguments.json,
             };
-            let ledgers = Ledgers::fetch(&tiles, &scene)?;
+            let ledgers = Ledgers::fetch(&tiles, &open_options, &scene)?;
             let references = reference::References::open(&scene, folder)?;
             Some(reference::compare(&engine, &request, &ledgers, &references, &arguments.output)?.0)
         }
@@ -183,6 +195,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         frames,
         settling,
         counters: engine.counters(),
+        source: engine.source_stats(),
         problems: engine.problems().map(str::to_owned).collect(),
         quality,
     };

@@ -20,7 +20,7 @@ use crate::{
     Error, Result,
     gpu::{Context, GpuMilliseconds, PageFormat, Renderer, materials::Btf},
     residency::{Limits, Residency},
-    stream::TileSource,
+    stream::{SourceStats, TileSource},
 };
 
 /// A scene, what of it is on the GPU, and where the rest comes from.
@@ -209,6 +209,11 @@ impl Engine {
         }
         self.events.frame(&stats, self.view, stats.archives > 0);
         Ok(stats)
+    }
+
+    /// What was asked of the source, and what it took.
+    pub fn source_stats(&self) -> SourceStats {
+        self.source.stats()
     }
 
     /// Runs frames, waiting for the source in between, until nothing changes any more or `limit` has passed; the

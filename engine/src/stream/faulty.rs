@@ -2,7 +2,7 @@
 
 use std::{collections::HashSet, time::Duration};
 
-use super::{Answer, Request, Ticket, TileSource};
+use super::{Answer, Request, SourceStats, Ticket, TileSource, random::SplitMix64};
 use crate::Error;
 
 /// Chances, between 0 and 1, of what happens to an answer.
@@ -65,9 +65,10 @@ impl<S: TileSource> FaultySource<S> {
         }
         if fail < self.faults.fail {
             let what = answer.request.to_string();
-            answer.bytes = Err(Error::Source {
+            answer.bytes = Err(Error::Unavailable {
                 what,
                 detail: "failed on purpose".into(),
+                retry_after: None,
             });
         } else if damage < self.faults.damage {
             answer.bytes = answer.bytes.map(|bytes| {
@@ -91,21 +92,37 @@ impl<S: TileSource> FaultySource<S> {
     }
 }
 
-/// The same answer once more; errors cannot be cloned, so theirs is worded again.
+/// The same answer once more.
 fn again(answer: &Answer) -> Answer {
-    let bytes = answer
-        .bytes
-        .as_ref()
-        .map(Clone::clone)
-        .map_err(|error| Error::Source {
-            what: answer.request.to_string(),
-            detail: error.to_string(),
-        });
     Answer {
         ticket: answer.ticket,
         request: answer.request.clone(),
-        bytes,
+        bytes: match &answer.bytes {
+            Ok(bytes) => Ok(bytes.clone()),
+            Err(error) => Err(worded_again(error, &answer.request)),
+        },
         wire_bytes: answer.wire_bytes,
+    }
+}
+
+/// Errors cannot be cloned: the same kind for those that callers decide on.
+fn worded_again(error: &Error, request: &Request) -> Error {
+    match error {
+        Error::NotFound(what) => Error::NotFound(what.clone()),
+        Error::Archive(tileset::Error::NotFound { .. }) => Error::NotFound(request.to_string()),
+        Error::Unavailable {
+            what,
+            detail,
+            retry_after,
+        } => Error::Unavailable {
+            what: what.clone(),
+            detail: detail.clone(),
+            retry_after: *retry_after,
+        },
+        other => Error::Source {
+            what: request.to_string(),
+            detail: other.to_string(),
+        },
     }
 }
 
@@ -123,6 +140,15 @@ impl<S: TileSource> TileSource for FaultySource<S> {
             return None;
         }
         let ticket = self.inner.submit(request)?;
+        self.open.insert(ticket);
+        Some(ticket)
+    }
+
+    fn submit_anew(&mut self, request: Request) -> Option<Ticket> {
+        if self.open.len() >= self.capacity() {
+            return None;
+        }
+        let ticket = self.inner.submit_anew(request)?;
         self.open.insert(ticket);
         Some(ticket)
     }
@@ -150,23 +176,13 @@ impl<S: TileSource> TileSource for FaultySource<S> {
             self.inner.wait(limit);
         }
     }
-}
 
-/// Steele, Lea, Flood: Fast Splittable Pseudorandom Number Generators, 2014, figure 17.
-struct SplitMix64(u64);
-
-impl SplitMix64 {
-    fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
+    fn origin(&self) -> String {
+        self.inner.origin()
     }
 
-    /// Uniform in [0, 1).
-    fn unit(&mut self) -> f64 {
-        (self.next() >> 11) as f64 * (1.0 / (1u64 << 53) as f64)
+    fn stats(&self) -> SourceStats {
+        self.inner.stats()
     }
 }
 

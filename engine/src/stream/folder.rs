@@ -5,7 +5,7 @@ use std::{
     fs::File,
     io,
     num::NonZeroUsize,
-    path::{Component, Path, PathBuf},
+    path::{Path, PathBuf},
     sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError, mpsc::Sender},
     time::Duration,
 };
@@ -14,7 +14,7 @@ use ::lru::LruCache;
 use bytes::Bytes;
 use tileset::{Archive, ReadAt, Record};
 
-use super::{Answer, Request, Ticket, TileSource, inbox::Inbox};
+use super::{Answer, Request, SourceStats, Ticket, TileSource, inbox::Inbox, source::plain_name};
 use crate::{Error, Result};
 
 /// Requests in flight. The disk is the limit, not the queue: it only has to bridge a frame.
@@ -29,6 +29,8 @@ const MAX_OPEN_FILES: NonZeroUsize = NonZeroUsize::new(64).unwrap();
 pub struct FolderSource {
     inbox: Inbox<()>,
     queue: Arc<Queue>,
+    folder: PathBuf,
+    stats: SourceStats,
 }
 
 impl FolderSource {
@@ -44,7 +46,7 @@ impl FolderSource {
         let inbox = Inbox::new(CAPACITY);
         let queue = Arc::new(Queue::default());
         let reader = Reader {
-            folder,
+            folder: folder.clone(),
             archives: LruCache::new(MAX_OPEN_FILES),
         };
         let (requests, answers) = (Arc::clone(&queue), inbox.sender());
@@ -55,7 +57,13 @@ impl FolderSource {
                 what: "reader thread".into(),
                 detail: error.to_string(),
             })?;
-        Ok(Self { inbox, queue })
+        let stats = SourceStats::default();
+        Ok(Self {
+            inbox,
+            queue,
+            folder,
+            stats,
+        })
     }
 }
 
@@ -69,21 +77,34 @@ impl TileSource for FolderSource {
     }
 
     fn submit(&mut self, request: Request) -> Option<Ticket> {
-        self.inbox.open(|ticket| self.queue.push(ticket, request))
+        let ticket = self.inbox.open(|ticket| self.queue.push(ticket, request))?;
+        self.stats.requested += 1;
+        Some(ticket)
     }
 
     fn cancel(&mut self, ticket: Ticket) {
         if self.inbox.give_up(ticket).is_some() {
+            self.stats.cancelled += 1;
             self.queue.remove(ticket);
         }
     }
 
     fn poll(&mut self) -> Option<Answer> {
-        self.inbox.poll()
+        let answer = self.inbox.poll()?;
+        self.stats.wire_bytes += answer.wire_bytes;
+        Some(answer)
     }
 
     fn wait(&mut self, limit: Duration) {
         self.inbox.wait(limit);
+    }
+
+    fn origin(&self) -> String {
+        self.folder.display().to_string()
+    }
+
+    fn stats(&self) -> SourceStats {
+        self.stats
     }
 }
 
@@ -224,15 +245,9 @@ fn open(folder: &Path, name: &str) -> Result<Archive<File>> {
     })
 }
 
-/// The file of an archive. Names come out of scene files: one that leads out of the folder is refused.
+/// The file of an archive.
 fn archive_path(folder: &Path, name: &str) -> Result<PathBuf> {
-    let mut components = Path::new(name).components();
-    let plain = matches!((components.next(), components.next()), (Some(Component::Normal(only)), None) if only == name);
-    if !plain || name.contains(['/', '\\', '\0', ':']) {
-        return Err(Error::NotFound(format!(
-            "archive {name:?} (no name of a file in a folder)"
-        )));
-    }
+    plain_name(name)?;
     Ok(folder.join(format!("{name}.bsvtf")))
 }
 

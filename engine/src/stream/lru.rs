@@ -1,16 +1,11 @@
 //! Keeps compressed records in memory, so that a page which comes back into view does not cross the wire again.
 
-use std::{
-    collections::{HashMap, VecDeque},
-    sync::Arc,
-    time::Duration,
-};
+use std::{collections::VecDeque, sync::Arc, time::Duration};
 
 use ::lru::LruCache;
 use bytes::Bytes;
-use tileset::archive::Index;
 
-use super::{Answer, Request, Ticket, TileSource};
+use super::{Answer, Request, SourceStats, Ticket, TileSource, directories::Directories};
 
 /// What an entry of the cache costs beside its bytes: key, list links, hash table. Keeps the bound honest when
 /// there are very many empty records.
@@ -27,9 +22,11 @@ pub struct CachedSource<S> {
     budget_bytes: u64,
     used_bytes: u64,
     records: LruCache<Request, Bytes>,
-    indices: HashMap<Arc<str>, Index>,
+    directories: Directories,
     hits: VecDeque<(Ticket, Request, Bytes)>,
     next_hit: u64,
+    from_ram: u64,
+    from_ram_bytes: u64,
 }
 
 impl<S: TileSource> CachedSource<S> {
@@ -41,7 +38,9 @@ impl<S: TileSource> CachedSource<S> {
             budget_bytes,
             used_bytes: 0,
             records: LruCache::unbounded(),
-            indices: HashMap::new(),
+            directories: Directories::default(),
+            from_ram: 0,
+            from_ram_bytes: 0,
             hits: VecDeque::new(),
             next_hit: 0,
         }
@@ -63,12 +62,7 @@ impl<S: TileSource> CachedSource<S> {
             self.keep_index(archive, bytes);
             return;
         }
-        let holds = self.indices.get(request.archive()).is_some_and(|index| {
-            let Ok(Some(record)) = request.record(index) else {
-                return false;
-            };
-            index.verify("record", record, bytes).is_ok()
-        });
+        let holds = self.directories.holds(request, bytes);
         let cost = cost(bytes);
         if !holds || cost > self.budget_bytes {
             return;
@@ -87,12 +81,11 @@ impl<S: TileSource> CachedSource<S> {
     }
 
     fn keep_index(&mut self, archive: &Arc<str>, prefix: &Bytes) {
-        let Ok(index) = Index::parse(prefix) else { return };
-        if self
-            .indices
-            .get(archive)
-            .is_some_and(|known| known.id == index.id)
-        {
+        let before = self.directories.get(archive).map(|index| index.id);
+        let Ok(index) = self.directories.learn(archive, prefix) else {
+            return;
+        };
+        if before == Some(index.id) {
             return;
         }
         let stale: Vec<Request> = self
@@ -107,7 +100,6 @@ impl<S: TileSource> CachedSource<S> {
                 self.used_bytes -= cost(&bytes);
             }
         }
-        self.indices.insert(Arc::clone(archive), index);
     }
 }
 
@@ -138,6 +130,8 @@ impl<S: TileSource> TileSource for CachedSource<S> {
         };
         let ticket = Ticket(self.next_hit * 2 + 1);
         self.next_hit += 1;
+        self.from_ram += 1;
+        self.from_ram_bytes += bytes.len() as u64;
         self.hits.push_back((ticket, request, bytes.clone()));
         Some(ticket)
     }
@@ -170,6 +164,26 @@ impl<S: TileSource> TileSource for CachedSource<S> {
     fn wait(&mut self, limit: Duration) {
         if self.hits.is_empty() {
             self.inner.wait(limit);
+        }
+    }
+
+    fn submit_anew(&mut self, request: Request) -> Option<Ticket> {
+        if self.in_flight() >= self.capacity() {
+            return None;
+        }
+        self.inner.submit_anew(request).map(outer)
+    }
+
+    fn origin(&self) -> String {
+        self.inner.origin()
+    }
+
+    fn stats(&self) -> SourceStats {
+        let stats = self.inner.stats();
+        SourceStats {
+            from_ram: stats.from_ram + self.from_ram,
+            from_ram_bytes: stats.from_ram_bytes + self.from_ram_bytes,
+            ..stats
         }
     }
 }

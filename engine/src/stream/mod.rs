@@ -9,18 +9,31 @@
 //! | [`MemorySource`] | archives in memory, answered in order |
 //! | [`FolderSource`] | a folder of `.bsvtf` files, read on a thread of its own |
 //! | [`HttpSource`] | a tile server, over HTTP/1.1 |
+//! | [`RangeSource`] | `.bsvtf` files on any web server, by ranges, over any [`Transport`] |
 //!
 //! | decorators | |
 //! |---|---|
+//! | [`RetriedSource`] | checks every record against its hash, and asks again for what failed or came damaged |
 //! | [`CachedSource`] | keeps compressed records in memory, up to a number of bytes |
+//! | [`DiskCachedSource`] | keeps compressed records on disk, for other runs and for when there is no network |
+//! | [`BackgroundSource`] | takes a source to a thread of its own |
 //! | [`ThrottledSource`] | lets only so many bytes through, in simulated time |
 //! | [`FaultySource`] | fails, delays, repeats, reorders and loses answers, by seed |
 //!
-//! [`fn@open`] makes a source of what a user typed. One conformance suite runs over all of them. Bytes are handed
-//! on as they came: whoever decodes them checks them first, with [`tileset::archive::Index::verify`].
+//! [`fn@open`] makes a source of what a user typed: `Background(Disk(Retried(host)))`. One conformance suite runs over all
+//! of them, alone and on top of each other. Sources hand bytes on as they came; [`RetriedSource`] checks them, inside of everything
+//! that keeps them.
 
+#[cfg(not(target_arch = "wasm32"))]
+mod background;
 #[cfg(test)]
 mod conformance;
+mod directories;
+#[cfg(not(target_arch = "wasm32"))]
+mod disk;
+#[cfg(not(target_arch = "wasm32"))]
+mod either;
+mod escape;
 mod faulty;
 #[cfg(not(target_arch = "wasm32"))]
 mod folder;
@@ -32,17 +45,30 @@ mod lru;
 mod memory;
 #[cfg(not(target_arch = "wasm32"))]
 mod open;
+mod random;
+mod range;
+mod retried;
 mod source;
+mod stats;
 mod throttle;
+mod transport;
 
+#[cfg(not(target_arch = "wasm32"))]
+pub use background::BackgroundSource;
+#[cfg(not(target_arch = "wasm32"))]
+pub use disk::{DiskCacheOptions, DiskCachedSource};
 pub use faulty::{Faults, FaultySource};
 #[cfg(not(target_arch = "wasm32"))]
 pub use folder::FolderSource;
 #[cfg(not(target_arch = "wasm32"))]
-pub use http::{HttpOptions, HttpSource};
+pub use http::{HttpOptions, HttpSource, HttpTransport};
 pub use lru::CachedSource;
 pub use memory::MemorySource;
 #[cfg(not(target_arch = "wasm32"))]
-pub use open::open;
+pub use open::{OpenOptions, open, open_with};
+pub use range::RangeSource;
+pub use retried::{RetriedSource, RetryOptions};
 pub use source::{Answer, Request, Ticket, TileSource};
+pub use stats::SourceStats;
 pub use throttle::ThrottledSource;
+pub use transport::{Event, Get, GetId, Head, Transport};

@@ -5,7 +5,8 @@ use std::{fmt, sync::Arc, time::Duration};
 use bytes::Bytes;
 use tileset::archive::{Index, Record};
 
-use crate::Result;
+use super::SourceStats;
+use crate::{Error, Result};
 
 /// What can be asked of a source. Archives are known by name.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
@@ -64,6 +65,19 @@ impl fmt::Display for Request {
     }
 }
 
+/// Refuses names that are none of a file in a folder. They come out of scene files, and could lead out of it.
+///
+/// # Errors
+/// [`Error::NotFound`].
+pub(super) fn plain_name(name: &str) -> Result<()> {
+    if name.is_empty() || name == "." || name == ".." || name.contains(['/', '\\', '\0', ':']) {
+        return Err(Error::NotFound(format!(
+            "archive {name:?} (no name of a file in a folder)"
+        )));
+    }
+    Ok(())
+}
+
 /// Names a submitted request. A source gives out each ticket once.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Ticket(pub u64);
@@ -87,7 +101,8 @@ pub trait TileSource {
     fn capacity(&self) -> usize;
     /// Requests in flight: submitted and neither answered nor cancelled.
     fn in_flight(&self) -> usize;
-    /// Asks for a record. Returns `None`, and does nothing, when the capacity is used up.
+    /// Asks for a record. Returns `None`, and does nothing, when the capacity is used up. What is submitted in one go may
+    /// be sent together, with the next `poll` or `wait`.
     fn submit(&mut self, request: Request) -> Option<Ticket>;
     /// Gives a request up; its answer, if any, will not be delivered. Unknown tickets are ignored.
     fn cancel(&mut self, ticket: Ticket);
@@ -96,6 +111,18 @@ pub trait TileSource {
     /// Waits until an answer may be there or `limit` has passed. For programs without a frame to draw
     /// meanwhile; a source that is always ready returns at once.
     fn wait(&mut self, limit: Duration);
+    /// As [`TileSource::submit`], past all caches on the way: what came before was damaged.
+    fn submit_anew(&mut self, request: Request) -> Option<Ticket> {
+        self.submit(request)
+    }
+    /// Where the records come from, for messages: an address or a folder.
+    fn origin(&self) -> String {
+        "this program".into()
+    }
+    /// What was asked and what it took, since the start.
+    fn stats(&self) -> SourceStats {
+        SourceStats::default()
+    }
 }
 
 impl<S: TileSource + ?Sized> TileSource for Box<S> {
@@ -116,5 +143,14 @@ impl<S: TileSource + ?Sized> TileSource for Box<S> {
     }
     fn wait(&mut self, limit: Duration) {
         (**self).wait(limit);
+    }
+    fn submit_anew(&mut self, request: Request) -> Option<Ticket> {
+        (**self).submit_anew(request)
+    }
+    fn origin(&self) -> String {
+        (**self).origin()
+    }
+    fn stats(&self) -> SourceStats {
+        (**self).stats()
     }
 }

@@ -5,7 +5,7 @@ use std::{
     time::Duration,
 };
 
-use super::{Answer, Request, Ticket, TileSource};
+use super::{Answer, Request, SourceStats, Ticket, TileSource};
 
 /// Delivers answers of the inner source, in its order, while there is allowance for their bytes on the wire.
 ///
@@ -107,6 +107,15 @@ impl<S: TileSource> TileSource for ThrottledSource<S> {
         Some(ticket)
     }
 
+    fn submit_anew(&mut self, request: Request) -> Option<Ticket> {
+        if self.in_flight() >= self.capacity() {
+            return None;
+        }
+        let ticket = self.inner.submit_anew(request)?;
+        self.submitted_at.insert(ticket, self.step);
+        Some(ticket)
+    }
+
     fn cancel(&mut self, ticket: Ticket) {
         self.inner.cancel(ticket);
         self.submitted_at.remove(&ticket);
@@ -131,6 +140,14 @@ impl<S: TileSource> TileSource for ThrottledSource<S> {
         if self.held.is_empty() {
             self.inner.wait(limit);
         }
+    }
+
+    fn origin(&self) -> String {
+        self.inner.origin()
+    }
+
+    fn stats(&self) -> SourceStats {
+        self.inner.stats()
     }
 }
 

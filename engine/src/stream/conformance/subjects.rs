@@ -2,7 +2,10 @@
 
 use std::{any::Any, time::Duration};
 
-use super::{super::*, Fixture};
+use super::{
+    super::{either::EitherSource, *},
+    Fixture, Host, fetch,
+};
 
 /// A source under test, and what it needs to live.
 pub(super) struct Subject {
@@ -71,6 +74,74 @@ fn http() -> Subject {
         .needing(folder)
 }
 
+fn ranges() -> Subject {
+    let host = Host::start();
+    let transport = HttpTransport::new(HttpOptions::default()).unwrap();
+    Subject::new(RangeSource::new(transport, &host.url)).needing(host)
+}
+
+/// Everything that is checked can be checked: indices come first.
+fn retried<S: TileSource>(inner: S) -> RetriedSource<S> {
+    let options = RetryOptions {
+        attempts: 100,
+        first_attempts: 100,
+        damaged_attempts: 100,
+        backoff: Duration::from_micros(10),
+        longest_backoff: Duration::from_micros(100),
+        ..RetryOptions::default()
+    };
+    let mut source = RetriedSource::new(inner, options);
+    let requests = Fixture::get().requests();
+    let indices = requests.into_iter();
+    let indices: Vec<Request> = indices
+        .filter(|request| matches!(request, Request::Index { .. }))
+        .collect();
+    fetch(&mut source, &indices);
+    source
+}
+
+fn faulty<S: TileSource>(inner: S) -> FaultySource<S> {
+    let faults = Faults {
+        fail: 0.2,
+        repeat: 0.2,
+        damage: 0.2,
+        reorder: 0.5,
+        delay_polls: 3,
+        ..Faults::default()
+    };
+    FaultySource::new(inner, faults, 5)
+}
+
+/// On disk, for so many bytes.
+fn disk<S: TileSource>(inner: S, budget_bytes: u64) -> (DiskCachedSource<S>, tempfile::TempDir) {
+    let folder = tempfile::tempdir().unwrap();
+    let options = DiskCacheOptions {
+        folder: folder.path().to_owned(),
+        budget_bytes,
+    };
+    (DiskCachedSource::new(inner, &options).unwrap(), folder)
+}
+
+fn on_disk<S: TileSource + 'static>(inner: S, budget_bytes: u64) -> Subject {
+    let (source, folder) = disk(inner, budget_bytes);
+    Subject::new(source).needing(folder)
+}
+
+fn opened(url: &str, needs: impl Any, cache: bool) -> Subject {
+    let folder = tempfile::tempdir().unwrap();
+    let disk = DiskCacheOptions {
+        folder: folder.path().to_owned(),
+        budget_bytes: 1 << 20,
+    };
+    let options = OpenOptions {
+        disk: cache.then_some(disk),
+        ..OpenOptions::default()
+    };
+    Subject::new(open_with(url, &options).unwrap())
+        .needing(folder)
+        .needing(needs)
+}
+
 /// A throttled source whose simulated time goes on with every poll.
 struct Ticking<S>(ThrottledSource<S>, u64);
 
@@ -133,6 +204,62 @@ pub(super) fn subjects() -> Vec<(&'static str, Make)> {
         }),
         ("throttled", || Subject::new(throttled(memory(), 100))),
         ("reordered", || Subject::new(reordered(memory()))),
+        ("range", ranges),
+        ("retried", || Subject::new(retried(memory()))),
+        ("retried over faulty", || Subject::new(retried(faulty(memory())))),
+        ("background", || {
+            Subject::new(BackgroundSource::new(memory()).unwrap())
+        }),
+        ("background over throttled", || {
+            Subject::new(BackgroundSource::new(throttled(memory(), 1000)).unwrap())
+        }),
+        ("disk", || on_disk(memory(), 1 << 20)),
+        ("disk, little room", || on_disk(memory(), 5 * 4096)),
+        ("disk over retried over faulty", || {
+            on_disk(retried(faulty(memory())), 12 * 4096)
+        }),
+        ("cached over disk over retried over faulty", || {
+            let (source, folder) = disk(retried(faulty(memory())), 12 * 4096);
+            Subject::new(CachedSource::new(source, 2000)).needing(folder)
+        }),
+        ("retried over faulty over range", || {
+            let Subject { source, _needs } = ranges();
+            Subject {
+                source: Box::new(retried(faulty(source))),
+                _needs,
+            }
+        }),
+        ("either, a tile server", || {
+            let folder = Fixture::get().folder();
+            let served = Served::start(folder.path());
+            let source = EitherSource::new(&served.url, HttpOptions::default()).unwrap();
+            Subject::new(source).needing(served).needing(folder)
+        }),
+        ("either, a static host", || {
+            let host = Host::start();
+            Subject::new(EitherSource::new(&host.url, HttpOptions::default()).unwrap()).needing(host)
+        }),
+        ("all of open, disk, range", || {
+            let host = Host::start();
+            let url = format!("{}/cloth.bsvtf", host.url);
+            opened(&url, host, true)
+        }),
+        ("all of open, either, static", || {
+            let host = Host::start();
+            let url = host.url.clone();
+            opened(&url, host, false)
+        }),
+        ("all of open, disk, http", || {
+            let folder = Fixture::get().folder();
+            let served = Served::start(folder.path());
+            let url = served.url.clone();
+            opened(&url, (served, folder), true)
+        }),
+        ("all of open, folder", || {
+            let folder = Fixture::get().folder();
+            let path = folder.path().to_str().unwrap().to_owned();
+            opened(&path, folder, false)
+        }),
         ("all decorators over a folder", || {
             let Subject { source, _needs } = folder();
             Subject {

@@ -2,17 +2,17 @@
 
 use hyper::Uri;
 
-use super::super::Request;
+use super::super::{Request, escape::escape};
 use crate::{Error, Result};
 
 /// Where a tile server is.
-pub(super) struct Address {
+pub(in crate::stream) struct Address {
     /// `http://HOST[:PORT][/PREFIX]`, without a slash at the end.
     base: String,
 }
 
 impl Address {
-    pub(super) fn parse(typed: &str) -> Result<Self> {
+    pub(in crate::stream) fn parse(typed: &str) -> Result<Self> {
         let refuse = |detail: &str| Error::Source {
             what: format!("address {typed:?}"),
             detail: format!("{detail}: give http://HOST:PORT"),
@@ -34,8 +34,18 @@ impl Address {
         })
     }
 
+    /// As it was given, without a slash at the end.
+    pub(in crate::stream) fn base(&self) -> &str {
+        &self.base
+    }
+
     pub(super) fn manifest(&self, archive: &str) -> String {
         format!("{}/v1/{}", self.base, escape(archive))
+    }
+
+    /// Address of many records in one answer.
+    pub(in crate::stream) fn batch(&self, archive: &str, id: &str, list: &str) -> String {
+        format!("{}/v1/{}/{id}/batch/{list}", self.base, escape(archive))
     }
 
     /// Address of what is asked for, in the archive with this content id.
@@ -50,21 +60,6 @@ impl Address {
             Request::Column { group, .. } => format!("{archive}/column/{group}"),
         }
     }
-}
-
-/// A name as one segment of a path: everything but unreserved characters is escaped (RFC 3986, section 2.3).
-/// Names of dots alone would still be walked as a path by proxies, so their dots are escaped as well.
-fn escape(name: &str) -> String {
-    let dots = name.bytes().all(|byte| byte == b'.');
-    let mut escaped = String::with_capacity(name.len());
-    for byte in name.bytes() {
-        match byte {
-            b'A'..=b'Z' | b'a'..=b'z' | b'0'..=b'9' | b'-' | b'_' | b'~' => escaped.push(byte.into()),
-            b'.' if !dots => escaped.push('.'),
-            _ => escaped.push_str(&format!("%{byte:02X}")),
-        }
-    }
-    escaped
 }
 
 #[cfg(test)]

@@ -1,24 +1,24 @@
-//! One GET: attempts, the body and its bound, and what the server says when it has nothing.
+//! One GET: the body and its bound, and what the server says when it has nothing.
 
-use std::{error::Error as _, time::Duration};
+use std::{
+    sync::atomic::{AtomicU64, Ordering},
+    time::Duration,
+};
 
 use bytes::{Bytes, BytesMut};
-use http_body_util::{BodyExt, Empty};
-use hyper::{Response, StatusCode, Uri, body::Incoming, header};
-use hyper_util::{
-    client::legacy::{Client, connect::HttpConnector},
-    rt::{TokioExecutor, TokioTimer},
-};
+use http_body_util::BodyExt;
+use hyper::{Response, StatusCode, body::Incoming, header};
 use serde::Deserialize;
 use tokio::time::timeout;
 
-use super::HttpOptions;
+use super::{
+    HttpOptions,
+    connect::{Connections, broken_off, connections, head_bytes, request, silent, unreachable},
+};
 use crate::{Error, Result};
 
 /// Largest error message that is read from a server.
 const MAX_MESSAGE_BYTES: u64 = 16 << 10;
-/// How long an unused connection is kept.
-const IDLE_CONNECTION: Duration = Duration::from_secs(30);
 
 /// The end of a request that reached the server.
 pub(super) enum Got {
@@ -27,112 +27,118 @@ pub(super) enum Got {
     Missing(String),
 }
 
-/// The end of one attempt that got nothing.
-enum Failure {
-    /// Worth another attempt.
-    Transient(String),
-    Final(Error),
+/// The head of an answer.
+pub(super) enum Begun {
+    /// There is something, and this it comes as.
+    Body(Incoming),
+    /// 404 or 410, and what the server says about it.
+    Missing(String),
 }
 
 /// Connections to one server, and how it is asked.
 pub(super) struct HttpClient {
-    client: Client<HttpConnector, Empty<Bytes>>,
+    client: Connections,
     options: HttpOptions,
+    exchanges: AtomicU64,
+    received: AtomicU64,
 }
 
 impl HttpClient {
     pub(super) fn new(options: HttpOptions) -> Self {
-        let mut connector = HttpConnector::new();
-        connector.set_nodelay(true);
-        connector.set_connect_timeout(Some(options.silence));
-        let client = Client::builder(TokioExecutor::new())
-            .pool_timer(TokioTimer::new())
-            .pool_idle_timeout(IDLE_CONNECTION)
-            .pool_max_idle_per_host(options.in_flight)
-            .build(connector);
-        Self { client, options }
-    }
-
-    /// Gets up to `limit` bytes from `url`, in several attempts with pauses that double. All bytes that are
-    /// received are added to `wire_bytes`. Pauses differ with `spread`, so that requests which failed together do
-    /// not come back together.
-    pub(super) async fn get(&self, url: &str, limit: u64, spread: u64, wire_bytes: &mut u64) -> Result<Got> {
-        let failed = |detail: String| Error::Source {
-            what: url.to_owned(),
-            detail,
-        };
-        let uri: Uri = url.parse().map_err(|error| failed(format!("no URL ({error})")))?;
-        let attempts = self.options.attempts.get();
-        let mut pause = self.options.backoff;
-        let mut attempt = 1;
-        loop {
-            let detail = match self.attempt(&uri, limit, wire_bytes).await {
-                Ok(got) => return Ok(got),
-                Err(Failure::Final(error)) => return Err(error),
-                Err(Failure::Transient(detail)) => detail,
-            };
-            if attempt == attempts {
-                return Err(failed(format!("{detail} (after {attempts} attempts)")));
-            }
-            tokio::time::sleep(pause.saturating_add(pause / 32 * (spread % 16) as u32)).await;
-            pause = pause.saturating_mul(2);
-            attempt += 1;
+        let client = connections(options);
+        Self {
+            client,
+            options,
+            exchanges: AtomicU64::new(0),
+            received: AtomicU64::new(0),
         }
     }
 
-    async fn attempt(
-        &self,
-        uri: &Uri,
-        limit: u64,
-        wire_bytes: &mut u64,
-    ) -> std::result::Result<Got, Failure> {
+    /// GETs so far.
+    pub(super) fn exchanges(&self) -> u64 {
+        self.exchanges.load(Ordering::Relaxed)
+    }
+
+    /// Bytes so far, headers included, wanted or not.
+    pub(super) fn received(&self) -> u64 {
+        self.received.load(Ordering::Relaxed)
+    }
+
+    fn count(&self, bytes: u64, wire_bytes: &AtomicU64) {
+        self.received.fetch_add(bytes, Ordering::Relaxed);
+        wire_bytes.fetch_add(bytes, Ordering::Relaxed);
+    }
+
+    /// Gets up to `limit` bytes from `url`, from the server itself if `anew`. All bytes that are received are added
+    /// to `wire_bytes`.
+    pub(super) async fn get(&self, url: &str, limit: u64, anew: bool, wire_bytes: &AtomicU64) -> Result<Got> {
+        match self.begin(url, anew, wire_bytes).await? {
+            Begun::Body(body) => self.body(url, body, limit, wire_bytes).await.map(Got::Bytes),
+            Begun::Missing(message) => Ok(Got::Missing(message)),
+        }
+    }
+
+    /// Sends a GET and waits for its head, which is added to `wire_bytes`.
+    pub(super) async fn begin(&self, url: &str, anew: bool, wire_bytes: &AtomicU64) -> Result<Begun> {
+        let request = request(url, anew)?;
+        self.exchanges.fetch_add(1, Ordering::Relaxed);
         let silence = self.options.silence;
-        let response = timeout(silence, self.client.get(uri.clone())).await;
+        let uri = request.uri().clone();
+        let response = timeout(silence, self.client.request(request)).await;
         let response = response
-            .map_err(|_| silent(silence))?
-            .map_err(|error| unreachable(uri, &error))?;
-        *wire_bytes += head_bytes(&response);
+            .map_err(|_| passing(url, silent(silence), None))?
+            .map_err(|error| passing(url, unreachable(&uri, &error), None))?;
+        self.count(head_bytes(&response), wire_bytes);
         let status = response.status();
         if status == StatusCode::OK || status == StatusCode::NO_CONTENT {
-            return self.body(uri, response, limit, wire_bytes).await.map(Got::Bytes);
+            return Ok(Begun::Body(response.into_body()));
         }
-        let message = self.message(uri, response, wire_bytes).await;
+        let retry_after = response
+            .headers()
+            .get(header::RETRY_AFTER)
+            .and_then(|seconds| seconds.to_str().ok()?.trim().parse().ok())
+            .map(Duration::from_secs);
+        let message = self.message(url, response, wire_bytes).await;
         match status {
-            StatusCode::NOT_FOUND | StatusCode::GONE => Ok(Got::Missing(message)),
-            StatusCode::TOO_MANY_REQUESTS | StatusCode::REQUEST_TIMEOUT => Err(Failure::Transient(message)),
-            _ if status.is_server_error() => Err(Failure::Transient(message)),
-            _ => Err(Failure::Final(Error::Source {
-                what: uri.to_string(),
+            StatusCode::NOT_FOUND | StatusCode::GONE => Ok(Begun::Missing(message)),
+            StatusCode::TOO_MANY_REQUESTS | StatusCode::REQUEST_TIMEOUT => {
+                Err(passing(url, message, retry_after))
+            }
+            _ if status.is_server_error() => Err(passing(url, message, retry_after)),
+            _ => Err(Error::Source {
+                what: url.to_owned(),
                 detail: message,
-            })),
+            }),
         }
+    }
+
+    /// The next bytes of a body; `None` at its end. The caller counts them.
+    pub(super) async fn data(&self, url: &str, body: &mut Incoming) -> Result<Option<Bytes>> {
+        let silence = self.options.silence;
+        while let Some(frame) = timeout(silence, body.frame())
+            .await
+            .map_err(|_| passing(url, silent(silence), None))?
+        {
+            let frame = frame.map_err(|error| passing(url, broken_off(&error), None))?;
+            if let Ok(data) = frame.into_data() {
+                self.received.fetch_add(data.len() as u64, Ordering::Relaxed);
+                return Ok(Some(data));
+            }
+        }
+        Ok(None)
     }
 
     /// Reads a body of at most `limit` bytes. Memory grows with what arrives, not with what is announced.
-    async fn body(
-        &self,
-        uri: &Uri,
-        response: Response<Incoming>,
-        limit: u64,
-        wire_bytes: &mut u64,
-    ) -> std::result::Result<Bytes, Failure> {
-        let silence = self.options.silence;
-        let mut body = response.into_body();
+    async fn body(&self, url: &str, mut body: Incoming, limit: u64, wire_bytes: &AtomicU64) -> Result<Bytes> {
         let mut all = BytesMut::new();
-        while let Some(frame) = timeout(silence, body.frame())
-            .await
-            .map_err(|_| silent(silence))?
-        {
-            let frame =
-                frame.map_err(|error| Failure::Transient(format!("the answer broke off ({error})")))?;
-            let Ok(data) = frame.into_data() else { continue };
-            *wire_bytes += data.len() as u64;
+        while let Some(data) = self.data(url, &mut body).await? {
+            wire_bytes.fetch_add(data.len() as u64, Ordering::Relaxed);
             if (all.len() + data.len()) as u64 > limit {
                 let detail = format!("the answer is longer than the {limit} bytes that are expected at most");
-                return Err(Failure::Final(Error::Source {
-                    what: uri.to_string(),
+                return Err(Error::Source {
+                    what: url.to_owned(),
                     detail,
-                }));
+                });
             }
             all.extend_from_slice(&data);
         }
@@ -140,7 +146,7 @@ impl HttpClient {
     }
 
     /// What the server says about an answer that is none.
-    async fn message(&self, uri: &Uri, response: Response<Incoming>, wire_bytes: &mut u64) -> String {
+    async fn message(&self, url: &str, response: Response<Incoming>, wire_bytes: &AtomicU64) -> String {
         #[derive(Deserialize)]
         struct Message {
             error: String,
@@ -152,7 +158,7 @@ impl HttpClient {
             .get(header::CONTENT_TYPE)
             .is_some_and(|kind| kind == "application/json");
         let body = self
-            .body(uri, response, MAX_MESSAGE_BYTES, wire_bytes)
+            .body(url, response.into_body(), MAX_MESSAGE_BYTES, wire_bytes)
             .await
             .ok()
             .filter(|_| json);
@@ -163,38 +169,11 @@ impl HttpClient {
     }
 }
 
-/// Why there is no answer at all: the innermost reason, and what to do.
-fn unreachable(uri: &Uri, error: &hyper_util::client::legacy::Error) -> Failure {
-    let mut reason = error.to_string();
-    let mut source = error.source();
-    while let Some(error) = source {
-        reason = error.to_string();
-        source = error.source();
+/// A failure that asking again may mend.
+fn passing(url: &str, detail: String, retry_after: Option<Duration>) -> Error {
+    Error::Unavailable {
+        what: url.to_owned(),
+        detail,
+        retry_after,
     }
-    let server = uri
-        .authority()
-        .map_or("the server", |authority| authority.as_str());
-    Failure::Transient(if error.is_connect() {
-        format!(
-            "no connection to {server} ({reason}): check that the server runs (eigentile serve DIR --listen \
-             HOST:PORT) and that the address given with --tiles is its address"
-        )
-    } else {
-        format!("the connection to {server} failed ({reason})")
-    })
-}
-
-fn silent(silence: Duration) -> Failure {
-    Failure::Transient(format!("no answer for {} s", silence.as_secs_f64()))
-}
-
-/// Bytes of status line and header fields, as they stand on an HTTP/1.1 wire.
-fn head_bytes(response: &Response<Incoming>) -> u64 {
-    let status_line =
-        "HTTP/1.1 200 \r\n\r\n".len() + response.status().canonical_reason().map_or(0, str::len);
-    let fields = response
-        .headers()
-        .iter()
-        .map(|(name, value)| name.as_str().len() + value.len() + 4);
-    (status_line + fields.sum::<usize>()) as u64
 }

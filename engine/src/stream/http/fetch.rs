@@ -2,18 +2,25 @@
 
 use std::{
     collections::HashMap,
-    sync::{Arc, Mutex, PoisonError},
+    sync::{
+        Arc, Mutex, OnceLock, PoisonError,
+        atomic::{AtomicU64, Ordering},
+    },
 };
 
 use bytes::Bytes;
 use serde::Deserialize;
-use tileset::codec::{MAX_COLUMN_BYTES, MAX_PAGE_BYTES};
+use tileset::{
+    archive::Index,
+    codec::{MAX_COLUMN_BYTES, MAX_PAGE_BYTES},
+};
 
 use super::{
-    super::{Request, Ticket},
+    super::{Request, directories::parse_shared},
     HttpOptions,
     address::Address,
-    client::{Got, HttpClient},
+    batch::{self, Carrier, Frames},
+    client::{Begun, Got, HttpClient},
 };
 use crate::{Error, Result};
 
@@ -25,13 +32,25 @@ const MAX_INDEX_BYTES: u64 = 128 << 20;
 const MAX_ARCHIVES: usize = 4096;
 
 /// What the server's manifest says about the archive that requests are for.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[derive(Clone, Deserialize)]
 struct Known {
     /// Content id, 32 hexadecimal digits.
     id: String,
     index_bytes: u64,
     largest_page_bytes: u64,
     largest_column_bytes: u64,
+    #[serde(default)]
+    urls: Urls,
+    /// What it says about its records, once it has been asked for.
+    #[serde(skip)]
+    index: Option<Arc<Index>>,
+}
+
+/// What the server does.
+#[derive(Clone, Default, Deserialize)]
+struct Urls {
+    /// Many records in one answer.
+    batch: Option<String>,
 }
 
 impl Known {
@@ -41,6 +60,37 @@ impl Known {
             Request::Index { .. } => self.index_bytes.min(MAX_INDEX_BYTES),
             Request::Page { .. } => self.largest_page_bytes.min(MAX_PAGE_BYTES.into()),
             Request::Column { .. } => self.largest_column_bytes.min(MAX_COLUMN_BYTES.into()),
+        }
+    }
+
+    /// Bytes of a record, if they are known.
+    fn length(&self, request: &Request) -> Option<u64> {
+        let record = request.record(self.index.as_ref()?).ok()??;
+        Some(record.length.into())
+    }
+}
+
+/// A request, and what is known of it while it is on its way.
+pub(super) struct Flight {
+    pub(super) request: Request,
+    /// Caches on the way are to ask the server.
+    pub(super) anew: bool,
+    /// Bytes that were received for it.
+    pub(super) wire_bytes: AtomicU64,
+    /// Bytes of the record; 0 while it is not known.
+    pub(super) length: AtomicU64,
+    /// What brings it, once it is sent.
+    pub(super) carrier: OnceLock<Arc<Carrier>>,
+}
+
+impl Flight {
+    pub(super) fn new(request: Request, anew: bool) -> Self {
+        Self {
+            request,
+            anew,
+            wire_bytes: AtomicU64::new(0),
+            length: AtomicU64::new(0),
+            carrier: OnceLock::new(),
         }
     }
 }
@@ -64,24 +114,117 @@ impl Fetcher {
         }
     }
 
-    /// Fetches what is asked for, and adds up the bytes that this takes.
-    pub(super) async fn fetch(
-        &self,
-        request: &Request,
-        ticket: Ticket,
-        wire_bytes: &mut u64,
-    ) -> Result<Bytes> {
-        let mut exchange = Exchange {
+    /// Fetches what is asked for.
+    pub(super) async fn fetch(&self, flight: &Flight) -> Result<Bytes> {
+        let exchange = Exchange {
             fetcher: self,
-            request,
-            ticket,
-            wire_bytes,
+            request: &flight.request,
+            flight,
         };
-        let slot = self.slot(request)?;
-        match request {
+        let slot = self.slot(&flight.request)?;
+        match flight.request {
             Request::Index { .. } => exchange.index(&slot).await,
             _ => exchange.record(&slot).await,
         }
+    }
+
+    /// Whether many records of an archive can be had in one answer, as far as is known.
+    pub(super) fn has_batches(&self, archive: &str) -> bool {
+        let archives = self.archives.lock().unwrap_or_else(PoisonError::into_inner);
+        let known = archives.get(archive).and_then(|slot| slot.try_lock().ok());
+        known.is_some_and(|known| known.as_ref().is_some_and(|known| known.urls.batch.is_some()))
+    }
+
+    /// Fetches records of one archive in one exchange, and hands each to `answer` as soon as it is there.
+    pub(super) async fn fetch_all(&self, flights: &[Arc<Flight>], answer: impl Fn(usize, Result<Bytes>)) {
+        let Some(first) = flights.first() else { return };
+        let known = match self.slot(&first.request) {
+            Ok(slot) => slot.lock().await.clone(),
+            Err(_) => None,
+        };
+        let mut came = 0;
+        if let Some(known) = known {
+            match self.batch(&known, flights, &mut came, &answer).await {
+                Ok(()) => {}
+                Err(error) => {
+                    for (at, flight) in flights.iter().enumerate().skip(came) {
+                        answer(at, Err(worded_again(&error, &flight.request)));
+                    }
+                    return;
+                }
+            }
+        }
+        // The server has no such batch: what it says to each will tell why.
+        for (at, flight) in flights.iter().enumerate().skip(came) {
+            answer(at, self.fetch(flight).await);
+        }
+    }
+
+    /// Reads a batch; `came` counts the records that were answered, all unless there is no such batch.
+    async fn batch(
+        &self,
+        known: &Known,
+        flights: &[Arc<Flight>],
+        came: &mut usize,
+        answer: &impl Fn(usize, Result<Bytes>),
+    ) -> Result<()> {
+        for flight in flights {
+            let length = known.length(&flight.request).unwrap_or(0);
+            flight.length.store(length, Ordering::Relaxed);
+        }
+        let list = batch::list(flights);
+        let url = self.address.batch(flights[0].request.archive(), &known.id, &list);
+        let Begun::Body(mut body) = self.client.begin(&url, false, &flights[0].wire_bytes).await? else {
+            return Ok(());
+        };
+        let mut frames = Frames::default();
+        while *came < flights.len() {
+            let flight = &flights[*came];
+            let failed = |detail: String| Error::Source {
+                what: url.clone(),
+                detail,
+            };
+            let Some(frame) = frames
+                .next(&flight.request, known.limit(&flight.request))
+                .map_err(failed)?
+            else {
+                match self.client.data(&url, &mut body).await? {
+                    Some(data) => frames.push(&data),
+                    None => {
+                        return Err(Error::Unavailable {
+                            what: url,
+                            detail: format!("the batch ends after {came} of {} records", flights.len()),
+                            retry_after: None,
+                        });
+                    }
+                }
+                continue;
+            };
+            let taken = frames.taken(&frame);
+            flight.wire_bytes.fetch_add(taken, Ordering::Relaxed);
+            let bytes = match batch::answer(&flight.request, &url, frame) {
+                Some(bytes) => bytes,
+                None => self.fetch(flight).await,
+            };
+            answer(*came, bytes);
+            *came += 1;
+        }
+        Ok(())
+    }
+
+    /// Exchanges with the server so far.
+    pub(super) fn exchanges(&self) -> u64 {
+        self.client.exchanges()
+    }
+
+    /// Bytes so far, wanted or not.
+    pub(super) fn received(&self) -> u64 {
+        self.client.received()
+    }
+
+    /// Where the server is.
+    pub(super) fn origin(&self) -> &str {
+        self.address.base()
     }
 
     fn slot(&self, request: &Request) -> Result<Slot> {
@@ -108,24 +251,42 @@ impl Fetcher {
     }
 }
 
+/// The same failure for another request of the batch.
+fn worded_again(error: &Error, request: &Request) -> Error {
+    match error {
+        Error::Unavailable {
+            detail, retry_after, ..
+        } => Error::Unavailable {
+            what: request.to_string(),
+            detail: detail.clone(),
+            retry_after: *retry_after,
+        },
+        other => Error::Source {
+            what: request.to_string(),
+            detail: other.to_string(),
+        },
+    }
+}
+
 /// One request on its way: several exchanges with the server.
 struct Exchange<'a> {
     fetcher: &'a Fetcher,
     request: &'a Request,
-    ticket: Ticket,
-    wire_bytes: &'a mut u64,
+    flight: &'a Flight,
 }
 
 impl Exchange<'_> {
     /// The index of the archive that the server has now; from here on records are asked for under its id.
-    async fn index(&mut self, slot: &Slot) -> Result<Bytes> {
+    async fn index(&self, slot: &Slot) -> Result<Bytes> {
         let mut slot = slot.lock().await;
         let mut missing = String::new();
         // Twice, because the archive may be replaced between the two requests.
         for _ in 0..2 {
-            let known = self.manifest().await?;
+            let mut known = self.manifest().await?;
             match self.get(&known).await? {
                 Got::Bytes(bytes) => {
+                    // If it does not hold, whoever asked for it will see.
+                    known.index = parse_shared(&bytes).ok();
                     *slot = Some(known);
                     return Ok(bytes);
                 }
@@ -135,7 +296,7 @@ impl Exchange<'_> {
         Err(Error::NotFound(format!("{} ({missing})", self.request)))
     }
 
-    async fn record(&mut self, slot: &Slot) -> Result<Bytes> {
+    async fn record(&self, slot: &Slot) -> Result<Bytes> {
         let known = {
             let mut slot = slot.lock().await;
             match &*slot {
@@ -143,6 +304,8 @@ impl Exchange<'_> {
                 None => slot.insert(self.manifest().await?).clone(),
             }
         };
+        let length = known.length(self.request).unwrap_or(0);
+        self.flight.length.store(length, Ordering::Relaxed);
         let detail = match self.get(&known).await? {
             Got::Bytes(bytes) => return Ok(bytes),
             Got::Missing(detail) => detail,
@@ -162,12 +325,14 @@ impl Exchange<'_> {
         })
     }
 
-    async fn manifest(&mut self) -> Result<Known> {
+    async fn manifest(&self) -> Result<Known> {
         let url = self.fetcher.address.manifest(self.request.archive());
-        let got = self
-            .fetcher
-            .client
-            .get(&url, MAX_MANIFEST_BYTES, self.ticket.0, self.wire_bytes);
+        let got = self.fetcher.client.get(
+            &url,
+            MAX_MANIFEST_BYTES,
+            self.flight.anew,
+            &self.flight.wire_bytes,
+        );
         let json = match got.await? {
             Got::Bytes(json) => json,
             Got::Missing(detail) => return Err(Error::NotFound(format!("{url} ({detail})"))),
@@ -190,11 +355,16 @@ impl Exchange<'_> {
         Ok(known)
     }
 
-    async fn get(&mut self, known: &Known) -> Result<Got> {
+    async fn get(&self, known: &Known) -> Result<Got> {
         let url = self.fetcher.address.record(self.request, &known.id);
         self.fetcher
             .client
-            .get(&url, known.limit(self.request), self.ticket.0, self.wire_bytes)
+            .get(
+                &url,
+                known.limit(self.request),
+                self.flight.anew,
+                &self.flight.wire_bytes,
+            )
             .await
     }
 }

@@ -4,46 +4,60 @@
 //! has its own client.
 
 mod address;
+mod batch;
 mod client;
+mod connect;
 mod fetch;
 #[cfg(test)]
 mod tests;
+mod transport;
 
-use std::{num::NonZeroU32, sync::Arc, time::Duration};
-
-use tokio::{
-    runtime::{Builder, Runtime},
-    task::AbortHandle,
+use std::{
+    sync::{Arc, atomic::Ordering},
+    time::Duration,
 };
 
-use self::{address::Address, fetch::Fetcher};
-use super::{Answer, Request, Ticket, TileSource, inbox::Inbox};
+use tokio::runtime::{Builder, Runtime};
+
+pub(super) use self::address::Address;
+pub use self::transport::HttpTransport;
+use self::{
+    batch::Carrier,
+    fetch::{Fetcher, Flight},
+};
+use super::{Answer, Request, SourceStats, Ticket, TileSource, inbox::Inbox};
 use crate::{Error, Result};
 
-/// How an [`HttpSource`] asks. Defaults work.
+/// How sources over HTTP ask. Defaults work.
 #[derive(Clone, Copy, Debug)]
 pub struct HttpOptions {
     /// Requests in flight, and so connections, at most; at least one.
     pub in_flight: usize,
-    /// How often a request is tried when the connection fails, or the server answers 5xx or 429.
-    pub attempts: NonZeroU32,
-    /// Pause before the second attempt; it doubles with each further one.
-    pub backoff: Duration,
     /// Longest silence: until there is a connection, until an answer begins, and between its parts.
     pub silence: Duration,
 }
 
 impl Default for HttpOptions {
     fn default() -> Self {
-        const ATTEMPTS: NonZeroU32 = NonZeroU32::new(4).unwrap();
-        let (backoff, silence) = (Duration::from_millis(100), Duration::from_secs(20));
         Self {
             in_flight: 32,
-            attempts: ATTEMPTS,
-            backoff,
-            silence,
+            silence: Duration::from_secs(20),
         }
     }
+}
+
+/// The thread on which requests run.
+fn network_thread() -> Result<Runtime> {
+    Builder::new_multi_thread()
+        .worker_threads(1)
+        .max_blocking_threads(2) // For looking up host names.
+        .thread_name("eigentile-http")
+        .enable_all()
+        .build()
+        .map_err(|error| Error::Source {
+            what: "network thread".into(),
+            detail: error.to_string(),
+        })
 }
 
 /// The archives of a tile server.
@@ -52,10 +66,17 @@ impl Default for HttpOptions {
 /// content never changes. When the server has a newer archive of the name, records of the old one are refused
 /// with an error that says so, until the index is asked for again.
 ///
-/// [`Answer::wire_bytes`] counts bodies and headers that were received, manifests and failed attempts included.
+/// Records that are submitted between two looks (`poll` or `wait`) travel together where the server does batches.
+///
+/// A request is tried once, and hashes are not checked: [`super::RetriedSource`] does both.
+///
+/// [`Answer::wire_bytes`] counts bodies and headers that were received, manifests included.
 pub struct HttpSource {
-    inbox: Inbox<AbortHandle>,
+    inbox: Inbox<Arc<Flight>>,
+    /// Records that are sent with the next look at the source, so that those of one go are seen together.
+    pending: Vec<(Ticket, Arc<Flight>)>,
     fetcher: Arc<Fetcher>,
+    stats: SourceStats,
     /// `None` only while the source is dropped.
     runtime: Option<Runtime>,
 }
@@ -67,22 +88,76 @@ impl HttpSource {
     /// [`Error::Source`] if the address is none, or no thread can be started.
     pub fn new(address: &str, options: HttpOptions) -> Result<Self> {
         let address = Address::parse(address)?;
-        let runtime = Builder::new_multi_thread()
-            .worker_threads(1)
-            .max_blocking_threads(2) // For looking up host names.
-            .thread_name("eigentile-http")
-            .enable_all()
-            .build()
-            .map_err(|error| Error::Source {
-                what: "network thread".into(),
-                detail: error.to_string(),
-            })?;
         let inbox = Inbox::new(options.in_flight.max(1));
         Ok(Self {
             inbox,
             fetcher: Arc::new(Fetcher::new(address, options)),
-            runtime: Some(runtime),
+            pending: Vec::new(),
+            stats: SourceStats::default(),
+            runtime: Some(network_thread()?),
         })
+    }
+
+    fn open(&mut self, request: Request, anew: bool) -> Option<Ticket> {
+        let flight = Arc::new(Flight::new(request, anew));
+        let ticket = self.inbox.open(|_| Arc::clone(&flight))?;
+        self.stats.requested += 1;
+        if anew || matches!(flight.request, Request::Index { .. }) {
+            self.send(vec![(ticket, flight)]);
+        } else {
+            self.pending.push((ticket, flight));
+        }
+        Some(ticket)
+    }
+
+    /// Sends what was submitted since the last call: records of one archive together, if the server does that.
+    fn send_pending(&mut self) {
+        while let Some((_, first)) = self.pending.first() {
+            let archive = Arc::clone(first.request.archive());
+            let mut together = 0;
+            let most = match self.fetcher.has_batches(&archive) {
+                true => batch::MAX_RECORDS,
+                false => 1,
+            };
+            let taken = self.pending.extract_if(.., |(_, flight)| {
+                let taken = together < most && *flight.request.archive() == archive;
+                together += usize::from(taken);
+                taken
+            });
+            let taken = taken.collect();
+            self.send(taken);
+        }
+    }
+
+    /// Sends requests, several only to a server with batches.
+    fn send(&mut self, sent: Vec<(Ticket, Arc<Flight>)>) {
+        let Some(runtime) = self.runtime.as_ref() else {
+            return;
+        };
+        let carrier = Carrier::of(sent.len());
+        let (tickets, flights): (Vec<Ticket>, Vec<Arc<Flight>>) = sent.into_iter().unzip();
+        for flight in &flights {
+            // Each is sent once.
+            let _ = flight.carrier.set(Arc::clone(&carrier));
+        }
+        let (fetcher, answers) = (Arc::clone(&self.fetcher), self.inbox.sender());
+        let fetched = async move {
+            let answer = |at: usize, bytes| {
+                let flight: &Flight = &flights[at];
+                // Nobody listens any more: the source is gone.
+                let _ = answers.send(Answer {
+                    ticket: tickets[at],
+                    request: flight.request.clone(),
+                    bytes,
+                    wire_bytes: flight.wire_bytes.load(Ordering::Relaxed),
+                });
+            };
+            match &*flights {
+                [only] => answer(0, fetcher.fetch(only).await),
+                several => fetcher.fetch_all(several, answer).await,
+            }
+        };
+        carrier.set_task(runtime.spawn(fetched).abort_handle());
     }
 }
 
@@ -96,42 +171,57 @@ impl TileSource for HttpSource {
     }
 
     fn submit(&mut self, request: Request) -> Option<Ticket> {
-        let runtime = self.runtime.as_ref()?;
-        let (fetcher, answers) = (Arc::clone(&self.fetcher), self.inbox.sender());
-        self.inbox.open(|ticket| {
-            let fetched = async move {
-                let mut wire_bytes = 0;
-                let bytes = fetcher.fetch(&request, ticket, &mut wire_bytes).await;
-                // Nobody listens any more: the source is gone.
-                let _ = answers.send(Answer {
-                    ticket,
-                    request,
-                    bytes,
-                    wire_bytes,
-                });
-            };
-            runtime.spawn(fetched).abort_handle()
-        })
+        self.open(request, false)
+    }
+
+    fn submit_anew(&mut self, request: Request) -> Option<Ticket> {
+        self.open(request, true)
     }
 
     fn cancel(&mut self, ticket: Ticket) {
-        if let Some(task) = self.inbox.give_up(ticket) {
-            task.abort();
+        let Some(flight) = self.inbox.give_up(ticket) else {
+            return;
+        };
+        self.pending.retain(|(pending, _)| *pending != ticket);
+        self.stats.cancelled += 1;
+        // A record in the middle of a batch comes all the same.
+        if flight.carrier.get().is_none_or(|carrier| carrier.give_up()) {
+            let received = flight.wire_bytes.load(Ordering::Relaxed);
+            let length = flight.length.load(Ordering::Relaxed);
+            self.stats.cancelled_bytes_saved += length.saturating_sub(received);
         }
     }
 
     fn poll(&mut self) -> Option<Answer> {
+        self.send_pending();
         self.inbox.poll()
     }
 
     fn wait(&mut self, limit: Duration) {
+        self.send_pending();
         self.inbox.wait(limit);
+    }
+
+    fn origin(&self) -> String {
+        self.fetcher.origin().to_owned()
+    }
+
+    fn stats(&self) -> SourceStats {
+        SourceStats {
+            exchanges: self.fetcher.exchanges(),
+            wire_bytes: self.fetcher.received(),
+            ..self.stats
+        }
     }
 }
 
 impl Drop for HttpSource {
     fn drop(&mut self) {
-        self.inbox.drain().for_each(|task| task.abort());
+        let carriers = self
+            .inbox
+            .drain()
+            .filter_map(|flight| flight.carrier.get().cloned());
+        carriers.for_each(|carrier| _ = carrier.give_up());
         if let Some(runtime) = self.runtime.take() {
             runtime.shutdown_background();
         }

@@ -13,7 +13,10 @@ use std::{
 };
 
 use super::{
-    super::conformance::{Fixture, Served, archive, drain, fetch},
+    super::{
+        RetriedSource, RetryOptions,
+        conformance::{Fixture, Served, archive, drain, fetch},
+    },
     *,
 };
 
@@ -46,6 +49,14 @@ struct Scripted {
     sent: Arc<AtomicU64>,
     connections: Arc<AtomicU64>,
     asked: Arc<Mutex<Vec<String>>>,
+}
+
+fn retried(source: HttpSource) -> RetriedSource<HttpSource> {
+    let options = RetryOptions {
+        backoff: Duration::from_millis(1),
+        ..RetryOptions::default()
+    };
+    RetriedSource::new(source, options)
 }
 
 const ID: &str = "0123456789abcdef0123456789abcdef";
@@ -87,15 +98,8 @@ impl Scripted {
         Self::start(manifest.into_iter().chain(others))
     }
 
-    fn source(&self) -> HttpSource {
-        HttpSource::new(
-            &self.url,
-            HttpOptions {
-                backoff: Duration::from_millis(1),
-                ..HttpOptions::default()
-            },
-        )
-        .unwrap()
+    fn source(&self) -> RetriedSource<HttpSource> {
+        retried(HttpSource::new(&self.url, HttpOptions::default()).unwrap())
     }
 
     fn asked(&self, path: &str) -> usize {
@@ -171,12 +175,12 @@ fn column(group: u16) -> Request {
 const COLUMN: &str = "/v1/a/0123456789abcdef0123456789abcdef/column/0";
 
 #[track_caller]
-fn fetch_one(source: &mut HttpSource) -> Answer {
+fn fetch_one(source: &mut dyn TileSource) -> Answer {
     fetch(source, &[column(0)]).remove(0)
 }
 
 #[track_caller]
-fn error(source: &mut HttpSource) -> String {
+fn error(source: &mut dyn TileSource) -> String {
     fetch_one(source).bytes.expect_err("an error").to_string()
 }
 
@@ -227,11 +231,9 @@ fn a_server_that_is_not_there_is_named_with_what_to_do() {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         format!("http://{}", listener.local_addr().unwrap())
     };
-    let options = HttpOptions {
-        backoff: Duration::from_millis(1),
-        ..HttpOptions::default()
-    };
-    let said = error(&mut HttpSource::new(&url, options).unwrap());
+    let said = error(&mut retried(
+        HttpSource::new(&url, HttpOptions::default()).unwrap(),
+    ));
     for part in [&*url, "refused", "eigentile serve", "--tiles"] {
         assert!(said.contains(part), "{part}: {said}");
     }
@@ -278,7 +280,6 @@ fn silence_ends() {
     let server = Scripted::with_manifest(10, [(COLUMN, vec![Reply::Silence(hung_up)])]);
     let options = HttpOptions {
         silence: Duration::from_millis(50),
-        backoff: Duration::from_millis(1),
         ..HttpOptions::default()
     };
     let said = error(&mut HttpSource::new(&server.url, options).unwrap());
@@ -294,13 +295,145 @@ fn cancelling_ends_the_request() {
     let begin = Instant::now();
     while server.asked(COLUMN) == 0 {
         assert!(begin.elapsed() < Duration::from_secs(20));
-        std::thread::sleep(Duration::from_millis(1));
+        source.wait(Duration::from_millis(1));
     }
     source.cancel(ticket);
     ended
         .recv_timeout(Duration::from_secs(10))
         .expect("the connection is closed, not waited for");
-    assert_eq!(source.in_flight(), 0);
+    assert_eq!((source.in_flight(), source.stats().cancelled), (0, 1));
+}
+
+#[test]
+fn retry_after_is_honoured() {
+    let busy = Reply::Raw(
+        b"HTTP/1.1 503 Service Unavailable\r\nretry-after: 1\r\ncontent-length: 0\r\n\r\n".to_vec(),
+    );
+    let server = Scripted::with_manifest(100, [(COLUMN, vec![busy, ok("the column")])]);
+    let begin = Instant::now();
+    assert_eq!(fetch_one(&mut server.source()).bytes.unwrap(), "the column");
+    assert!(begin.elapsed() >= Duration::from_secs(1), "{:?}", begin.elapsed());
+}
+
+#[test]
+fn what_never_crossed_the_wire_is_counted() {
+    let (hung_up, _keep) = mpsc::channel();
+    let bytes = archive(1);
+    let archive = tileset::Archive::open(bytes).unwrap();
+    let path: &'static str = format!("/v1/a/{ID}/index").leak();
+    let replies = [
+        (path, vec![ok(archive.prefix().unwrap())]),
+        (COLUMN, vec![Reply::Silence(hung_up)]),
+    ];
+    let server = Scripted::with_manifest(1 << 20, replies);
+    let mut source = server.source();
+    fetch(&mut source, &[Request::Index { archive: "a".into() }]);
+    let ticket = source.submit(column(0)).unwrap();
+    while server.asked(COLUMN) == 0 {
+        source.wait(Duration::from_millis(1));
+    }
+    source.cancel(ticket);
+    let length = archive.index.column(0).unwrap().length;
+    assert_eq!(source.stats().cancelled_bytes_saved, u64::from(length));
+}
+
+/// A frame of a batch: a column with these bytes, or another status.
+fn frame(group: u8, status: u16, bytes: &[u8]) -> Vec<u8> {
+    let status = status.to_le_bytes();
+    let head = [0, 0, group, 0, 0, 0, 0, 0, status[0], status[1], 0, 0];
+    [&head[..], &(bytes.len() as u32).to_le_bytes(), bytes].concat()
+}
+
+/// A server that says that it does batches, and this answer to one of columns 0 to 3.
+fn with_batches(replies: Vec<Reply>) -> Scripted {
+    let mut manifest = manifest(ID, 100);
+    manifest.insert_str(manifest.len() - 1, r#","urls":{"batch":"a/ID/batch/{records}"}"#);
+    let batch: &'static str = format!("/v1/a/{ID}/batch/c0,c1,c2,c3").leak();
+    let rest: &'static str = format!("/v1/a/{ID}/batch/c2,c3").leak();
+    let mut index = vec![0; 10];
+    index[0] = 1;
+    Scripted::start([
+        ("/v1/a", vec![ok(manifest)]),
+        (&*format!("/v1/a/{ID}/index").leak(), vec![ok(index)]),
+        (batch, replies),
+        (
+            rest,
+            vec![ok([frame(2, 200, b"two"), frame(3, 200, b"three")].concat())],
+        ),
+        (&*format!("/v1/a/{ID}/column/2").leak(), vec![ok("two")]),
+        (&*format!("/v1/a/{ID}/column/3").leak(), vec![ok("three")]),
+    ])
+}
+
+#[test]
+fn records_of_one_go_come_in_one_answer() {
+    let whole = [
+        frame(0, 200, b"zero"),
+        frame(1, 200, b""),
+        frame(2, 200, b"two"),
+        frame(3, 200, b"three"),
+    ]
+    .concat();
+    let cut = Reply::Raw(
+        [
+            &b"HTTP/1.1 200 OK\r\ncontent-length: 1000\r\n\r\n"[..],
+            &whole[..16 + 4 + 16 + 5],
+        ]
+        .concat(),
+    );
+    // Whole; and broken off in the third record, where only the rest is asked for again.
+    for (reply, exchanges) in [(ok(&whole), 3..=3), (cut, 4..=5)] {
+        let server = with_batches(vec![reply]);
+        let mut bare = HttpSource::new(&server.url, HttpOptions::default()).unwrap();
+        fetch(&mut bare, &[Request::Index { archive: "a".into() }]);
+        let mut source = retried(bare);
+        let requests: Vec<Request> = (0..4).map(column).collect();
+        let mut answers = fetch(&mut source, &requests);
+        answers.sort_by_key(|answer| answer.ticket);
+        let bytes: Vec<_> = answers
+            .iter()
+            .map(|answer| answer.bytes.as_ref().unwrap())
+            .collect();
+        assert_eq!(bytes, ["zero", "", "two", "three"]);
+        let stats = source.stats();
+        assert!(exchanges.contains(&stats.exchanges), "{stats:?}");
+        assert_eq!(stats.wire_bytes, server.sent.load(Ordering::SeqCst));
+    }
+}
+
+#[test]
+fn what_a_batch_does_not_have_is_asked_for_alone() {
+    let frames = [
+        frame(0, 200, b"zero"),
+        frame(1, 404, b"{}"),
+        frame(2, 500, b"{}"),
+        frame(3, 200, b"three"),
+    ]
+    .concat();
+    for (reply, kinds) in [
+        (ok(frames), ["Ok", "NotFound", "Unavailable", "Ok"]),
+        (
+            with_status("404 Not Found", ""),
+            ["NotFound", "NotFound", "Ok", "Ok"],
+        ),
+        (ok(frame(1, 200, b"one")), ["Source"; 4]),
+        (ok("short"), ["Unavailable"; 4]),
+        (with_status("503 Busy", ""), ["Unavailable"; 4]),
+    ] {
+        let server = with_batches(vec![reply]);
+        let mut source = HttpSource::new(&server.url, HttpOptions::default()).unwrap();
+        fetch(&mut source, &[Request::Index { archive: "a".into() }]);
+        let requests: Vec<Request> = (0..4).map(column).collect();
+        let mut answers = fetch(&mut source, &requests);
+        answers.sort_by_key(|answer| answer.ticket);
+        for (answer, kind) in answers.iter().zip(kinds) {
+            let is = format!("{:?}", answer.bytes);
+            assert!(
+                is.starts_with(kind) || is.starts_with(&format!("Err({kind}")),
+                "{is}, {kind}"
+            );
+        }
+    }
 }
 
 #[test]
@@ -360,7 +493,8 @@ fn an_archive_that_is_replaced_between_manifest_and_index_is_loaded() {
     let replaced = vec![ok(manifest(ID, 10)), ok(manifest(&new, 10))];
     let path: &'static str = format!("/v1/a/{new}/index").leak();
     let server = Scripted::start([("/v1/a", replaced), (path, vec![ok("an index")])]);
-    let answers = fetch(&mut server.source(), &[Request::Index { archive: "a".into() }]);
+    let mut source = HttpSource::new(&server.url, HttpOptions::default()).unwrap();
+    let answers = fetch(&mut source, &[Request::Index { archive: "a".into() }]);
     assert_eq!(answers[0].bytes.as_ref().unwrap(), "an index");
 }
 
