@@ -4,7 +4,9 @@
 //! The program itself is tested beside it, in `cli/tests`.
 
 mod fixture;
+mod process;
 mod server;
 
 pub use fixture::{Fixture, SIZE, scene};
+pub use process::{ServerProcess, own, serve_if_asked};
 pub use server::Server;

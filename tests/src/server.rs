@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use tileserver::{Collection, Options};
+use tileserver::{Collection, Options, Site};
 use tokio::net::TcpListener;
 use tokio::runtime::Runtime;
 use tokio::sync::oneshot;
@@ -23,8 +23,16 @@ impl Server {
     /// # Panics
     /// If the folder cannot be served.
     pub fn start(folder: &Path) -> Self {
-        let runtime = Runtime::new().expect("threads");
         let collection = Collection::open(folder).expect("a folder of archives");
+        Self::of(collection, Options::default())
+    }
+
+    /// Serves collections.
+    ///
+    /// # Panics
+    /// If there are no threads or no free port.
+    pub fn of(site: impl Into<Site>, options: Options) -> Self {
+        let (runtime, site) = (Runtime::new().expect("threads"), site.into());
         let listener = runtime
             .block_on(TcpListener::bind("127.0.0.1:0"))
             .expect("a free port");
@@ -33,12 +41,7 @@ impl Server {
         let shutdown = async {
             let _ = stopped.await; // a message, or a sender that is gone: both mean stop
         };
-        let task = runtime.spawn(tileserver::run(
-            listener,
-            collection,
-            Options::default(),
-            shutdown,
-        ));
+        let task = runtime.spawn(tileserver::run(listener, site, options, shutdown));
         Self {
             address,
             stop: Some(stop),

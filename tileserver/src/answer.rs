@@ -102,7 +102,7 @@ pub(crate) fn document(document: &Document, headers: &HeaderMap, private: bool) 
 }
 
 /// Whether `Accept-Encoding` has gzip, or all, with a weight that is not zero (RFC 9110, section 12.5.3).
-fn takes_gzip(headers: &HeaderMap) -> bool {
+pub(crate) fn takes_gzip(headers: &HeaderMap) -> bool {
     let (mut gzip, mut all) = (None, None);
     let fields = headers.get_all(header::ACCEPT_ENCODING).iter();
     for item in fields

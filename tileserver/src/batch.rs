@@ -6,19 +6,18 @@ use std::{
         Arc,
         atomic::{AtomicBool, Ordering},
     },
-    time::Duration,
 };
 
 use axum::{body::Body, http::StatusCode};
 use bytes::{BufMut, Bytes, BytesMut};
 use futures_util::{Stream, StreamExt, stream};
 use tileset::{PageId, Tile};
-use tokio::time::sleep;
 use xxhash_rust::xxh3::xxh3_128;
 
 use crate::{
     collection::Served,
     failure::Failure,
+    outlet::Outlet,
     records::{Records, What},
     routes::number,
     service::read_failure,
@@ -30,9 +29,6 @@ pub(crate) const MAX_RECORDS: usize = 256;
 const AHEAD: usize = 8;
 /// Bytes in front of each record.
 const FRAME_BYTES: usize = 16;
-
-/// Time for the frames to leave before a connection is broken off, which throws away what is not sent.
-const LAST_WORDS: Duration = Duration::from_millis(200);
 
 /// A record that was asked for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -79,8 +75,13 @@ pub(crate) fn etag(served: &Served, list: &str) -> String {
 ///
 /// A record that the archive does not have is an error frame and may be kept by caches like everything else.
 /// One that cannot be read now is an error frame as well, but then the connection is broken off behind the last
-/// frame, so that no cache keeps the answer.
-pub(crate) fn body(served: Arc<Served>, records: Arc<Records>, wanted: Vec<Wanted>) -> Body {
+/// frame, when all has left by its `outlet`, so that no cache keeps the answer.
+pub(crate) fn body(
+    served: Arc<Served>,
+    records: Arc<Records>,
+    wanted: Vec<Wanted>,
+    outlet: Option<Outlet>,
+) -> Body {
     let rooms = stream::iter(wanted).then({
         let (served, records) = (Arc::clone(&served), Arc::clone(&records));
         // One after the other: who has room needs nothing more to go on, so nobody waits in a circle.
@@ -112,12 +113,13 @@ pub(crate) fn body(served: Arc<Served>, records: Arc<Records>, wanted: Vec<Wante
             (wanted, result)
         }
     });
-    Body::from_stream(parts(frames.buffered(AHEAD)))
+    Body::from_stream(parts(frames.buffered(AHEAD), outlet))
 }
 
 /// Heads and records, and an error at the end if one was for now only.
 fn parts(
     frames: impl Stream<Item = (Wanted, Result<Bytes, Failure>)>,
+    outlet: Option<Outlet>,
 ) -> impl Stream<Item = io::Result<Bytes>> {
     let passing = Arc::new(AtomicBool::new(false));
     let end = stream::once({
@@ -126,7 +128,10 @@ fn parts(
             if !passing.load(Ordering::Relaxed) {
                 return None;
             }
-            sleep(LAST_WORDS).await;
+            // Breaking off throws away what is not sent.
+            if let Some(outlet) = outlet {
+                outlet.emptied().await;
+            }
             Some(Err(io::Error::other("records of the batch could not be read")))
         }
     });

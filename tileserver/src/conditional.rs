@@ -8,18 +8,17 @@ pub(crate) fn none_match(headers: &HeaderMap, etag: &str) -> bool {
     headers
         .get_all(header::IF_NONE_MATCH)
         .iter()
-        .any(|value| list_has(value.as_bytes(), etag.as_bytes()))
+        .any(|value| list_has(value.as_bytes(), etag.as_bytes(), true))
 }
 
 /// Whether `If-Match` lets the request through: there is none, or it names `etag` strongly, or `*`.
 pub(crate) fn matches(headers: &HeaderMap, etag: &str) -> bool {
     let mut fields = headers.get_all(header::IF_MATCH).iter().peekable();
-    let strong = |list: &[u8]| list_has(list, etag.as_bytes()) && !list.starts_with(b"W/");
-    fields.peek().is_none() || fields.any(|value| strong(value.as_bytes()))
+    fields.peek().is_none() || fields.any(|value| list_has(value.as_bytes(), etag.as_bytes(), false))
 }
 
-/// Walks a list of ETags. Commas may stand inside the quotes of an ETag, so it cannot be split at them.
-fn list_has(list: &[u8], etag: &[u8]) -> bool {
+/// Walks a list of ETags; weak ones count if `weak`. Commas may stand inside the quotes of an ETag, so it cannot be split at them.
+fn list_has(list: &[u8], etag: &[u8], weak: bool) -> bool {
     if list.trim_ascii() == b"*" {
         return true;
     }
@@ -28,12 +27,13 @@ fn list_has(list: &[u8], etag: &[u8]) -> bool {
         while let [b' ' | b'\t' | b',', tail @ ..] = rest {
             rest = tail;
         }
+        let strong = rest.strip_prefix(b"W/").is_none();
         rest = rest.strip_prefix(b"W/").unwrap_or(rest);
         let [b'"', inner @ ..] = rest else { return false };
         let Some(end) = inner.iter().position(|&byte| byte == b'"') else {
             return false;
         };
-        if &rest[..end + 2] == etag {
+        if &rest[..end + 2] == etag && (strong || weak) {
             return true;
         }
         rest = &inner[end + 1..];
@@ -74,7 +74,7 @@ mod tests {
             ("\"b\" *", false),
             ("", false),
         ] {
-            assert_eq!(list_has(list.as_bytes(), b"\"a\""), expected, "{list}");
+            assert_eq!(list_has(list.as_bytes(), b"\"a\"", true), expected, "{list}");
         }
     }
 
@@ -98,6 +98,8 @@ mod tests {
             ("*", true),
             ("\"b\"", false),
             ("W/\"a\"", false),
+            ("\"b\", W/\"a\"", false),
+            ("W/\"b\", \"a\"", true),
             ("", false),
         ] {
             assert_eq!(matches(&with(value), "\"a\""), expected, "{value}");
@@ -119,14 +121,15 @@ mod tests {
     proptest! {
         #[test]
         fn any_list_is_walked_to_its_end(list: Vec<u8>) {
-            list_has(&list, b"\"a\"");
+            list_has(&list, b"\"a\"", true);
         }
 
         #[test]
         fn what_is_listed_is_found(others in proptest::collection::vec("(W/)?\"[!#-~]{0,4}\"", 0..5)) {
             let mut list = others.join(", ");
             list.push_str(", W/\"wanted\"");
-            prop_assert!(list_has(list.as_bytes(), b"\"wanted\""));
+            prop_assert!(list_has(list.as_bytes(), b"\"wanted\"", true));
+            prop_assert!(!list_has(list.as_bytes(), b"\"wanted\"", false));
         }
     }
 }

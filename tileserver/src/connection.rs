@@ -31,7 +31,7 @@ use tokio::{
 };
 use tokio_rustls::server::TlsStream;
 
-use crate::{Options, Tls, metrics::Metrics};
+use crate::{Options, Tls, metrics::Metrics, outlet::Outlet};
 
 /// Most bytes of a request's head. The longest address, of a batch, has about 6 KiB.
 const MAX_HEAD_BYTES: usize = 16 << 10;
@@ -90,18 +90,20 @@ impl Door {
     where
         S: AsyncRead + AsyncWrite + Unpin + Send + 'static,
     {
-        let progress = Arc::new(AtomicU64::new(0));
+        let (progress, outlet) = (Arc::new(AtomicU64::new(0)), Outlet::default());
         let io = TokioIo::new(Watched {
             stream,
             progress: Arc::clone(&progress),
+            outlet: outlet.clone(),
         });
         let service = service_fn({
             let (service, progress) = (
                 TowerToHyperService::new(self.router.clone()),
                 Arc::clone(&progress),
             );
-            move |request: hyper::Request<Incoming>| {
+            move |mut request: hyper::Request<Incoming>| {
                 progress.fetch_add(1, Ordering::Relaxed);
+                request.extensions_mut().insert(outlet.clone());
                 service.call(request)
             }
         });
@@ -207,6 +209,7 @@ async fn silence(progress: &AtomicU64, limit: Duration) {
 struct Watched<S> {
     stream: S,
     progress: Arc<AtomicU64>,
+    outlet: Outlet,
 }
 
 impl<S> Watched<S> {
@@ -249,7 +252,11 @@ impl<S: AsyncWrite + Unpin> AsyncWrite for Watched<S> {
     }
 
     fn poll_flush(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
-        Pin::new(&mut self.stream).poll_flush(context)
+        let result = Pin::new(&mut self.stream).poll_flush(context);
+        if result.is_ready() {
+            self.outlet.flushed();
+        }
+        result
     }
 
     fn poll_shutdown(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {

@@ -26,10 +26,14 @@ mod connection;
 mod documents;
 mod error;
 mod failure;
+#[cfg(fuzzing)]
+pub mod fuzzing;
 mod guard;
 mod log;
 mod metrics;
+mod open_files;
 mod options;
+mod outlet;
 mod parts;
 mod range;
 mod reads;
@@ -44,6 +48,7 @@ mod tls;
 
 pub use collection::{Collection, MAX_ARCHIVES};
 pub use error::{Error, Result};
+pub use open_files::raise_open_files;
 pub use options::Options;
 pub use routes::router;
 pub use run::run;

@@ -61,7 +61,7 @@ pub(crate) async fn access(State(shared): State<Arc<Shared>>, request: Request, 
 }
 
 /// The id that a client or a proxy has given, if it cannot do harm in a log, or a new one.
-fn request_id(headers: &HeaderMap) -> HeaderValue {
+pub(crate) fn request_id(headers: &HeaderMap) -> HeaderValue {
     let harmless = |byte: &u8| byte.is_ascii_alphanumeric() || matches!(byte, b'-' | b'_' | b'.' | b':');
     let given = headers
         .get(REQUEST_ID)

@@ -3,7 +3,7 @@
 use std::{sync::Arc, time::Duration};
 
 use axum::{
-    Router,
+    Extension, Router,
     body::Body,
     extract::{Path, State, rejection::PathRejection},
     http::{HeaderMap, HeaderName, HeaderValue, Method, StatusCode, header},
@@ -21,6 +21,7 @@ use crate::{
     batch, conditional,
     failure::Failure,
     guard, log,
+    outlet::Outlet,
     parts::ArchiveBody,
     range::{self, Wanted},
     records::What,
@@ -256,6 +257,7 @@ async fn record(
 async fn records(
     State(service): Serving,
     headers: HeaderMap,
+    outlet: Option<Extension<Outlet>>,
     path: Segments<(String, String, String)>,
 ) -> Answer {
     let Path((name, id, list)) = segments(path)?;
@@ -266,7 +268,8 @@ async fn records(
         return Ok(fields.not_modified());
     }
     let mut response = fields.response(StatusCode::OK);
-    *response.body_mut() = batch::body(served, Arc::clone(&service.shared.records), wanted);
+    let outlet = outlet.map(|Extension(outlet)| outlet);
+    *response.body_mut() = batch::body(served, Arc::clone(&service.shared.records), wanted, outlet);
     Ok(response)
 }
 

@@ -16,7 +16,7 @@ use tokio::{
     time::{sleep, timeout},
 };
 
-use crate::{Error, MAX_ARCHIVES, Options, Result, Site, connection::Door, routes};
+use crate::{Error, MAX_ARCHIVES, Options, Result, Site, connection::Door, open_files, routes};
 
 /// Pause after the system has refused a connection for want of something, such as open files.
 const ACCEPT_PAUSE: Duration = Duration::from_millis(500);
@@ -95,10 +95,10 @@ pub async fn run(
 /// archives and of reading.
 fn connections_of(options: &Options) -> usize {
     let wanted = options.connections.clamp(1, Semaphore::MAX_PERMITS);
-    let limits = std::fs::read_to_string("/proc/self/limits").unwrap_or_default();
-    let Some(files) = open_files(&limits) else {
+    let Some(files) = open_files::allowed() else {
         return wanted;
     };
+    let files = usize::try_from(files).unwrap_or(usize::MAX);
     let possible = files.saturating_sub(MAX_ARCHIVES + SPARE_FILES).max(1);
     if possible < wanted {
         tracing::warn!(
@@ -108,14 +108,6 @@ fn connections_of(options: &Options) -> usize {
         );
     }
     wanted.min(possible)
-}
-
-/// The soft limit in Linux's table of limits; none elsewhere.
-fn open_files(limits: &str) -> Option<usize> {
-    let line = limits
-        .lines()
-        .find_map(|line| line.strip_prefix("Max open files"))?;
-    line.split_whitespace().next()?.parse().ok()
 }
 
 /// The next connection. One that broke off before it was accepted is not an error of ours, and when the system
@@ -146,16 +138,16 @@ mod tests {
     use super::*;
 
     #[test]
-    fn limits_of_the_system() {
-        let limits =
-            |value| format!("Limit  Soft Limit  Hard Limit\nMax open files   {value}   524288   files\n");
-        assert_eq!(open_files(&limits("1024")), Some(1024));
-        assert_eq!(open_files(&limits("unlimited")), None);
-        assert_eq!(open_files(""), None);
+    fn as_many_connections_as_files() {
         let few = Options {
             connections: 3,
             ..Options::default()
         };
         assert_eq!(connections_of(&few), 3);
+        let many = Options {
+            connections: usize::MAX,
+            ..Options::default()
+        };
+        assert!(open_files::allowed().is_none_or(|files| connections_of(&many) as u64 <= files));
     }
 }

@@ -3,7 +3,7 @@
 mod common;
 
 use common::{
-    Server, archive, id, open, send,
+    Server, archive, id, large_archive, open, send,
     store::{Fault, Faulty},
 };
 use std::{sync::Arc, time::Duration};
@@ -171,6 +171,35 @@ async fn a_record_that_cannot_be_read_holds_up_no_other_and_no_cache_keeps_the_a
     assert_eq!((statuses, complete), (vec![503, 200], false));
     let (body, complete) = unchunk(&server.get(&target).await.body);
     assert_eq!((frames(&body).len(), complete), (2, true), "it has passed");
+    server.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn who_reads_late_gets_all_frames_of_a_batch_that_is_broken_off() {
+    // More than the system's buffers of a connection take.
+    let (store, bytes) = (Faulty::default(), large_archive(16 << 20));
+    store.put("large", bytes.clone());
+    let options = Options {
+        cache_bytes: 0,
+        ..Options::default()
+    };
+    let server = serve(&store, options).await;
+    let mut stream = server.connect().await;
+    store.fail([Fault::Garbage; 2]);
+    let target = format!("/v1/large/{}/batch/c0,c1", id(&bytes));
+    send(&mut stream, "GET", &target, &[]).await;
+    tokio::time::sleep(Duration::from_millis(500)).await;
+    let answer = timeout(PATIENCE, common::receive(stream)).await.expect("an end");
+    let (body, complete) = unchunk(&answer.body);
+    let statuses: Vec<_> = frames(&body).iter().map(|frame| frame.5).collect();
+    assert!(statuses == [500, 200] || statuses == [200, 500], "{statuses:?}");
+    let whole = open(bytes).read_column(statuses.iter().position(|status| *status == 200).unwrap() as u16);
+    assert!(
+        frames(&body)
+            .iter()
+            .any(|frame| frame.6 == *whole.as_ref().unwrap())
+    );
+    assert!(!complete, "no cache keeps it");
     server.stop().await;
 }
 

@@ -6,8 +6,8 @@ use anyhow::{Context, Result};
 
 use crate::steps::{Program, cargo_of};
 
-/// One for each target in `tileset/fuzz/Cargo.toml`.
-const TARGETS: [&str; 4] = ["index", "page", "column", "pyramid"];
+/// One for each target in `fuzz/Cargo.toml`.
+const TARGETS: [&str; 5] = ["index", "page", "column", "pyramid", "request"];
 /// What cargo-fuzz passes as well, but for the address sanitizer.
 const FLAGS: &str = "--cfg fuzzing -Cpasses=sancov-module -Cllvm-args=-sanitizer-coverage-level=4 \
     -Cllvm-args=-sanitizer-coverage-inline-8bit-counters -Cllvm-args=-sanitizer-coverage-pc-table \
@@ -20,15 +20,12 @@ const LIMITS: [&str; 3] = ["-max_len=65536", "-timeout=10", "-rss_limit_mb=2048"
 pub(crate) fn fuzz(seconds: u32) -> Result<()> {
     let workspace = Path::new(env!("CARGO_MANIFEST_DIR")).with_file_name("");
     let folder = workspace.join("target/fuzz");
-    cargo_of(
-        &workspace.join("tileset/fuzz/Cargo.toml"),
-        &["build", "--release"],
-    )
-    // Without it the flags would hold for build scripts, too, which have no libFuzzer to link with.
-    .args(["--target", &host()?])
-    .args(["--target-dir".as_ref(), folder.as_os_str()])
-    .env("RUSTFLAGS", FLAGS)
-    .run()?;
+    cargo_of(&workspace.join("fuzz/Cargo.toml"), &["build", "--release"])
+        // Without it the flags would hold for build scripts, too, which have no libFuzzer to link with.
+        .args(["--target", &host()?])
+        .args(["--target-dir".as_ref(), folder.as_os_str()])
+        .env("RUSTFLAGS", FLAGS)
+        .run()?;
     let programs = folder.join(host()?).join("release");
     for target in TARGETS {
         let corpus = folder.join("corpus").join(target);

@@ -1,8 +1,9 @@
-//! What the workspace needs beyond Rust: a Vulkan loader and a driver; and for its tests Python with numpy and Pillow.
+//! What the workspace needs beyond Rust: a Vulkan loader and a driver; and for its tests Python with numpy and Pillow,
+//! nginx and curl.
 //!
 //! Any driver will do. Without a graphics card Mesa's software adapter (llvmpipe) draws; Debian has it in the
 //! package mesa-vulkan-drivers. macOS and Windows bring Metal and DX12. Python makes the images that tests of the
-//! readers compare with: nothing but those tests fails without it.
+//! readers compare with, nginx is a host that knows nothing of us, curl a client: nothing but their tests fails without them.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -11,11 +12,13 @@ use anyhow::{Result, bail};
 
 use crate::steps::Program;
 
-const PACKAGES: [&str; 4] = [
+const PACKAGES: [&str; 6] = [
     "mesa-vulkan-drivers",
     "libvulkan1",
     "python3-numpy",
     "python3-pil",
+    "nginx-light",
+    "curl",
 ];
 
 /// Finds all that is needed, or installs it, or says how to.
@@ -23,25 +26,15 @@ pub(crate) fn setup() -> Result<()> {
     if !cfg!(target_os = "linux") {
         return Ok(());
     }
-    let (missing, python) = (missing(), has_python());
-    if missing.is_empty() && python {
+    let (missing, tests) = (missing(), missing_for_tests());
+    if missing.is_empty() && tests.is_empty() {
         return Ok(());
     }
-    let python_hint = "tests need python3 with numpy and Pillow (python3-numpy and python3-pil on Debian)";
     if missing.is_empty() && !(found_on_path("apt-get") && is_root()) {
-        eprintln!("note: {python_hint}");
+        note(&tests);
         return Ok(());
     }
-    let all = [
-        &missing[..],
-        if python {
-            &[]
-        } else {
-            &["numpy and Pillow for Python"]
-        },
-    ]
-    .concat();
-    eprintln!("missing: {}", all.join(", "));
+    eprintln!("missing: {}", [&missing[..], &tests].concat().join(", "));
     let command = format!(
         "apt-get install -y --no-install-recommends {}",
         PACKAGES.join(" ")
@@ -61,9 +54,7 @@ pub(crate) fn setup() -> Result<()> {
         apt_get().args(["update"]).run()?;
         install()?;
     }
-    if !has_python() {
-        eprintln!("note: {python_hint}");
-    }
+    note(&missing_for_tests());
     match self::missing() {
         missing if missing.is_empty() => Ok(()),
         missing => bail!(
@@ -82,6 +73,28 @@ fn install() -> Result<()> {
 
 fn apt_get() -> Program {
     Program::new("apt-get").env("DEBIAN_FRONTEND", "noninteractive")
+}
+
+/// Says what tests will miss.
+fn note(tests: &[&str]) {
+    if !tests.is_empty() {
+        eprintln!("note: tests need {}", tests.join(", "));
+    }
+}
+
+/// What is there for tests only, and is not there, by name.
+fn missing_for_tests() -> Vec<&'static str> {
+    let nginx = found_on_path("nginx") || Path::new("/usr/sbin/nginx").exists();
+    let tools = [
+        (
+            has_python(),
+            "python3 with numpy and Pillow (Debian: python3-numpy, python3-pil)",
+        ),
+        (nginx, "nginx (Debian: nginx-light)"),
+        (found_on_path("curl"), "curl"),
+    ];
+    let missing = tools.into_iter().filter(|(there, _)| !there);
+    missing.map(|(_, name)| name).collect()
 }
 
 /// Whether Python has what tests use: the first on the path, or that of the system.

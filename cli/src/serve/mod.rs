@@ -77,6 +77,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         (None, None) => None,
         _ => bail!("a certificate and its key belong together: give --tls-certificate and --tls-key"),
     };
+    tileserver::raise_open_files();
     let runtime = tokio::runtime::Runtime::new().context("cannot start the server's threads")?;
     runtime.block_on(async {
         let mut site = Site::default();

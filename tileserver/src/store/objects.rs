@@ -40,6 +40,20 @@ impl Objects {
     /// # Errors
     /// [`Error::Source`] if the URL or the environment is not enough to reach a store. Nothing is sent yet.
     pub fn from_url(url: &str) -> Result<Self> {
+        let settings = std::env::vars_os().filter_map(|(name, value)| {
+            let (name, value) = (name.into_string().ok()?, value.into_string().ok()?);
+            let own = name.strip_prefix(OWN_PREFIX).map(str::to_owned);
+            let known = PREFIXES.iter().any(|prefix| name.starts_with(prefix));
+            own.or(known.then_some(name)).map(|name| (name, value))
+        });
+        Self::with_settings(url, settings)
+    }
+
+    /// As [`Self::from_url`], with settings by name, such as `aws_endpoint`, in the place of the environment.
+    ///
+    /// # Errors
+    /// [`Error::Source`] if the URL or the settings are not enough to reach a store.
+    pub fn with_settings(url: &str, settings: impl IntoIterator<Item = (String, String)>) -> Result<Self> {
         let refuse = |reason: String| Error::Source {
             url: without_secrets(url),
             reason,
@@ -49,18 +63,12 @@ impl Objects {
         if matches!(scheme, ObjectStoreScheme::Local | ObjectStoreScheme::Memory) {
             return Err(refuse("a folder is given by its path".into()));
         }
-        let settings = std::env::vars_os().filter_map(|(name, value)| {
-            let (name, value) = (name.into_string().ok()?, value.into_string().ok()?);
-            let own = name.strip_prefix(OWN_PREFIX).map(str::to_owned);
-            let known = PREFIXES.iter().any(|prefix| name.starts_with(prefix));
-            own.or(known.then_some(name)).map(|name| (name, value))
-        });
         // Who writes http:// means it.
         let plain = url
             .starts_with("http://")
             .then(|| ("allow_http".to_owned(), "true".to_owned()));
-        let (store, path) =
-            parse_url_opts(&parsed, settings.chain(plain)).map_err(|error| refuse(error.to_string()))?;
+        let (store, path) = parse_url_opts(&parsed, settings.into_iter().chain(plain))
+            .map_err(|error| refuse(error.to_string()))?;
         Ok(Self::new(store.into(), path))
     }
 
@@ -194,7 +202,9 @@ impl Version for ObjectVersion {
                 .get_opts(&self.meta.location, options)
                 .await
                 .map_err(of_store)?;
-            if result.meta.size != self.meta.size {
+            // Not all that answer to a condition heed it.
+            let other = |tag: &String| self.meta.e_tag.as_ref().is_some_and(|own| own != tag);
+            if result.meta.size != self.meta.size || result.meta.e_tag.as_ref().is_some_and(other) {
                 return Err(StoreError::Changed);
             }
             if result.range != range {

@@ -146,6 +146,8 @@ pub(super) fn answer(request: &Request, url: &str, (status, bytes): Frame) -> Op
 
 #[cfg(test)]
 mod tests {
+    use proptest::prelude::*;
+
     use super::*;
 
     fn column(group: u16) -> Request {
@@ -191,6 +193,46 @@ mod tests {
         endless[12..].copy_from_slice(&u32::MAX.to_le_bytes());
         assert!(next(&endless).is_err());
         assert_eq!(next(b"short").unwrap(), None);
+    }
+
+    /// All that is read until it is refused or ends, in parts of these lengths.
+    fn read(bytes: &[u8], parts: &[usize]) -> (Vec<Frame>, Option<String>) {
+        let (mut frames, mut came, mut rest) = (Frames::default(), Vec::new(), bytes);
+        let mut parts = parts.iter().cycle();
+        loop {
+            match frames.next(&column(came.len() as u16), 64) {
+                Ok(Some(frame)) => came.push(frame),
+                Err(reason) => return (came, Some(reason)),
+                Ok(None) if rest.is_empty() => return (came, None),
+                Ok(None) => {
+                    let part = parts.next().map_or(1, |part| *part).clamp(1, rest.len());
+                    frames.push(&rest[..part]);
+                    rest = &rest[part..];
+                }
+            }
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn any_bytes_are_refused_or_read_the_same_in_any_parts(
+            good in proptest::collection::vec((any::<u16>(), proptest::collection::vec(any::<u8>(), 0..64)), 0..6),
+            noise in proptest::collection::vec(any::<u8>(), 0..80),
+            parts in proptest::collection::vec(1..40usize, 1..8),
+        ) {
+            let mut bytes: Vec<u8> = good
+                .iter()
+                .enumerate()
+                .flat_map(|(group, (status, bytes))| frame(group as u8, *status, bytes))
+                .collect();
+            bytes.extend(noise);
+            let (came, refused) = read(&bytes, &parts);
+            prop_assert_eq!(&(came.clone(), refused), &read(&bytes, &[bytes.len()]));
+            let expected = good.iter().map(|(status, bytes)| (*status, Bytes::copy_from_slice(bytes)));
+            prop_assert!(came.iter().take(good.len()).cloned().eq(expected));
+            let taken: u64 = came.iter().map(|frame| Frames::default().taken(frame)).sum();
+            prop_assert!(taken <= bytes.len() as u64);
+        }
     }
 
     #[test]

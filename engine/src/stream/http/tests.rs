@@ -458,6 +458,57 @@ fn many_requests_share_manifest_and_connections() {
 }
 
 #[test]
+fn a_real_server_is_asked_in_batches() {
+    let (fixture, requests) = (Fixture::get(), Fixture::get().requests());
+    let folder = fixture.folder();
+    let server = Served::start(folder.path());
+    let mut source = HttpSource::new(&server.url, HttpOptions::default()).unwrap();
+    let (indices, records): (Vec<_>, Vec<_>) = requests
+        .into_iter()
+        .partition(|request| matches!(request, Request::Index { .. }));
+    fetch(&mut source, &indices);
+    let before = source.stats();
+    let answers = fetch(&mut source, &records);
+    assert_eq!(answers.len(), records.len());
+    for answer in answers {
+        assert_eq!(
+            answer.bytes.unwrap(),
+            fixture.expected(&answer.request),
+            "{}",
+            answer.request
+        );
+    }
+    let stats = source.stats();
+    let exchanges = stats.exchanges - before.exchanges;
+    assert!(
+        exchanges * 4 <= records.len() as u64,
+        "{exchanges} exchanges for {} records",
+        records.len()
+    );
+    // Longer than any batch, and with records that there are not.
+    let missing = |group| Request::Column {
+        archive: records[0].archive().into(),
+        group,
+    };
+    let long: Vec<_> = (0..40)
+        .map(|at| {
+            if at % 8 == 7 {
+                missing(1000 + at)
+            } else {
+                records[at as usize % records.len()].clone()
+            }
+        })
+        .collect();
+    for answer in fetch(&mut source, &long) {
+        let there = !matches!(answer.request, Request::Column { group: 1000.., .. });
+        match answer.bytes {
+            Ok(bytes) => assert_eq!(bytes, fixture.expected(&answer.request)),
+            Err(error) => assert!(!there && matches!(error, Error::NotFound(_)), "{error}"),
+        }
+    }
+}
+
+#[test]
 fn a_replaced_archive_is_noticed() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.bsvtf");

@@ -130,6 +130,8 @@ pub(super) fn check_encoding(head: &Head) -> Result<(), Trouble> {
 
 #[cfg(test)]
 mod tests {
+    use proptest::prelude::*;
+
     use super::*;
 
     fn head(status: u16, fields: &[(&str, &str)]) -> Head {
@@ -170,6 +172,18 @@ mod tests {
         let last = ContentRange::parse("bytes 90-99/100").unwrap();
         assert!(last.check(&(90..200)).is_ok(), "the file ends there");
         assert!(ContentRange::of(&head(206, &[])).is_err());
+    }
+
+    proptest! {
+        #[test]
+        fn any_content_range_is_refused_or_sound(text in "(bytes )?[0-9]{0,21}[-*]?[0-9]{0,21}/?[0-9*]{0,21}|.{0,40}") {
+            if let Some(ContentRange { range, total }) = ContentRange::parse(&text) {
+                prop_assert!(range.start < range.end && total.is_none_or(|total| range.end <= total));
+                let total = total.map_or("*".to_owned(), |total| total.to_string());
+                let written = format!("bytes {}-{}/{total}", range.start, range.end - 1);
+                prop_assert_eq!(ContentRange::parse(&written), ContentRange::parse(&text));
+            }
+        }
     }
 
     #[test]
