@@ -56,6 +56,14 @@ pub enum Error {
     /// A trace of votes that cannot be written, read or replayed.
     #[error("trace of votes: {0}")]
     Trace(String),
+    /// A program that is measured, or measures, does not run as it should.
+    #[error("{program}: {detail}")]
+    Program {
+        /// Which one.
+        program: &'static str,
+        /// What it did, or what to install.
+        detail: String,
+    },
     /// An argument outside of its range.
     #[error("{what} is {found}; it must be {expected}")]
     Invalid {

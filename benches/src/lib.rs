@@ -5,6 +5,7 @@
 //! - [`factorize`](mod@factorize): seconds, error and memory of one factorization.
 //! - [`policy`]: predicted error over budget of ways to choose what is resident.
 //! - [`range`]: weights and compressed samples at equal rank.
+//! - [`serve`]: requests per second, latency and memory of the tile server, beside nginx.
 //! - [`stability`]: BTFs that are hard on floating point numbers, against bounds.
 //! - [`KeptFactors`]: factors on disk, so that a codec can be measured again without factorizing again.
 //! - [`eigen_textures`]: an input made by formula, for benchmarks of single stages.
@@ -19,6 +20,7 @@ mod kept;
 mod npy;
 pub mod policy;
 pub mod range;
+pub mod serve;
 pub mod stability;
 mod textures;
 

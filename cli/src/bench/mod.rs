@@ -9,6 +9,7 @@ mod engine;
 mod factorize;
 mod policy;
 mod range;
+mod serve;
 mod stability;
 
 use anyhow::Result;
@@ -30,6 +31,7 @@ Examples:
   eigentile bench factorize leather.npy --json
   eigentile bench policy
   eigentile bench range leather.npy
+  eigentile bench serve cloth.bsvtf
   eigentile bench stability
 
 benches/peers in the source tree has the programs to measure beside, and scripts that run both.";
@@ -42,6 +44,7 @@ enum Subject {
     Factorize(factorize::Arguments),
     Policy(policy::Arguments),
     Range(range::Arguments),
+    Serve(serve::Arguments),
     Stability(stability::Arguments),
 }
 
@@ -53,6 +56,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         Subject::Factorize(arguments) => factorize::run(arguments),
         Subject::Policy(arguments) => policy::run(arguments),
         Subject::Range(arguments) => range::run(arguments),
+        Subject::Serve(arguments) => serve::run(arguments),
         Subject::Stability(arguments) => stability::run(arguments),
     }
 }
