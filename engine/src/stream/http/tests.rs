@@ -487,7 +487,7 @@ fn a_real_server_is_asked_in_batches() {
     );
     // Longer than any batch, and with records that there are not.
     let missing = |group| Request::Column {
-        archive: records[0].archive().into(),
+        archive: Arc::clone(records[0].archive()),
         group,
     };
     let long: Vec<_> = (0..40)
