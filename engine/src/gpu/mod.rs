@@ -7,7 +7,8 @@
 //! materials), the caches (group 1: [`page_table`], [`page_cache`], [`column_cache`], directions) and what a pass reads
 //! and writes (group 2). [`Renderer`] owns all of it: `look` has what draws ids and asks for votes, `outputs` what reads
 //! back. [`cutoff`] says which component groups matter, [`fade`] how new pages come in, [`page_format`] what a texel of the page
-//! cache is. `resident` is what measurements compare with: the same without a page table. Nothing here decides what is
+//! cache is. `uploads` brings texels into both caches, `kept` shows the old page cache while
+//! one of another format fills. `resident` is what measurements compare with: the same without a page table. Nothing here decides what is
 //! resident. Meshes and lights may hold anything: what then is drawn is written down in `finite.wgsl`.
 //!
 //! Stays within the default limits of WebGPU: 4 bind groups, 8 storage buffers in a stage, 128 MiB bindings. Only
@@ -24,6 +25,7 @@ pub mod fade;
 pub mod feedback;
 pub mod geometry;
 mod growing;
+mod kept;
 mod look;
 pub mod materials;
 mod outputs;
@@ -40,6 +42,7 @@ pub mod stitch;
 mod targets;
 mod timers;
 pub mod tonemap;
+mod uploads;
 mod view;
 pub mod visibility;
 
@@ -49,4 +52,5 @@ pub use page_format::PageFormat;
 pub use renderer::Renderer;
 pub use resources::{Caches, Layout, Shading};
 pub use shade::ShadingWork;
+pub use slot_scales::Rounded;
 pub use timers::GpuMilliseconds;
