@@ -5,7 +5,7 @@
 //! picture), [`shade`] (one workgroup for a tile and a material), [`tonemap`]; and in the
 //! page cache [`decode`], which makes pages of coefficients, and [`stitch`], which copies borders ([`borders`]). What they share lies in three bind groups: the scene (group 0: camera, [`geometry`],
 //! materials), the caches (group 1: [`page_table`], [`page_cache`], [`column_cache`], directions) and what a pass reads
-//! and writes (group 2). [`Renderer`] owns all of it: `look` has what draws ids and asks for votes, `outputs` what reads
+//! and writes (group 2). [`Renderer`] owns all of it: `look` has what draws ids and asks for votes, `placing` what fills the caches, `outputs` what reads
 //! back. [`cutoff`] says which component groups matter, [`fade`] how new pages come in, [`page_format`] what a texel of the page
 //! cache is. `uploads` brings texels into both caches, `kept` shows the old page cache while
 //! one of another format fills. `resident` is what measurements compare with: the same without a page table. Nothing here decides what is
@@ -32,6 +32,7 @@ mod outputs;
 pub mod page_cache;
 pub mod page_format;
 pub mod page_table;
+mod placing;
 mod readback;
 mod renderer;
 mod resident;

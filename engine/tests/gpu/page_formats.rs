@@ -444,21 +444,25 @@ fn a_view_about_the_limit_does_not_change_back() {
     let archives: &[(&str, &[u8])] = &[("weave", &archive)];
     let (scene, camera) = (ambient_square(1.0), slanted(1.5));
     let [wanted] = wanted(&scene, archives, [&camera]);
-    let few = wanted * 3 / 4;
-    let mut engine = choosing(&scene, archives, few);
-    let mut changes = 0;
-    // Too few, just enough, …: bytes once, until there is room to spare.
-    for slots in [few, wanted, few, wanted + 1, few] {
-        let before = engine.page_format();
+    let mut engine = choosing(&scene, archives, wanted * 5 / 4);
+    let mut with_share = |share: u32| {
         let budgets = Budgets {
-            page_cache_bytes: u64::from(slots) * SLOT_BYTES,
+            page_cache_bytes: u64::from(wanted * share / 16) * SLOT_BYTES,
             ..engine.budgets()
         };
         engine.set_budgets(budgets).unwrap();
         settle(&mut engine, &camera);
-        changes += u32::from(engine.page_format() != before);
+        engine.page_format()
+    };
+    // Some pages may be missing before it is worth while to round all.
+    let mut shares = (8..=16).rev();
+    let limit = shares.find(|&share| with_share(share) == PageFormat::Byte);
+    let limit = limit.unwrap();
+    assert!(limit < 16);
+    for share in [limit + 1, limit, limit + 1, limit] {
+        assert_eq!(with_share(share), PageFormat::Byte, "{share}/16");
     }
-    assert_eq!((changes, engine.page_format()), (1, PageFormat::Byte));
+    assert_eq!(with_share(20), PageFormat::Half);
 }
 
 #[test]
