@@ -9,7 +9,7 @@ use super::{
     archives::Archives,
     events::{Event, Events},
     options::Options,
-    page_format::Worths,
+    page_format::{Review, Worths},
     problems::Problems,
     records::Records,
     stats::{Counters, FrameStats, Milliseconds, Stopwatch},
@@ -35,6 +35,7 @@ pub struct Engine {
     /// What the page cache holds, and what that is chosen by.
     pub(super) format: PageFormat,
     pub(super) worths: Worths,
+    pub(super) review: Review,
     pub(super) window: Window,
     pub(super) ahead: Ahead,
     pub(super) records: Records,
@@ -83,6 +84,7 @@ impl Engine {
             }),
             format,
             worths: Worths::default(),
+            review: Review::default(),
             window: Window::new(options.feedback_stride),
             ahead: Ahead::default(),
             records: Records::new(options.budgets, workers(&options), on_gpu),
@@ -159,6 +161,7 @@ impl Engine {
         ms.votes = watch.lap();
 
         self.decide();
+        self.review_format();
         ms.residency = watch.lap();
 
         self.receive();
@@ -175,6 +178,7 @@ impl Engine {
 
         let texels_stitched = self.renderer.stitch(&strips);
         let after = self.summary();
+        self.show_filled(&after);
         let settled = self.settled(&after);
         let drawn = (show || settled) && self.draw()?;
         ms.draw += watch.lap();
@@ -208,6 +212,7 @@ impl Engine {
             self.events.add(Event::Problem(problem.to_owned()));
         }
         self.events.frame(&stats, self.view, stats.archives > 0);
+        self.follow_review()?;
         Ok(stats)
     }
 

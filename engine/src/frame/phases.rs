@@ -83,6 +83,7 @@ impl Engine {
         let caches = self.caches();
         for (_, btf) in &mut read {
             btf.angular = self.options.angular;
+            btf.page_format = self.format;
         }
         read.retain(|(archive, btf)| {
             let fits = self.renderer.layout(caches, btf.column_quads());
@@ -102,8 +103,6 @@ impl Engine {
             });
             self.btfs.push(btf.into());
         }
-        let format = self.choose_format(self.options.budgets.page_cache_bytes, self.column_quads())?;
-        self.set_format(format)?;
         self.resize_caches()?;
         self.renderer.show_btfs(&self.archives.btf_of_material())?;
         // All pixels vote again: some see what had no votes before.
@@ -144,6 +143,10 @@ impl Engine {
             match (item, decoded) {
                 (Item::Page(material, page), Decoded::Page(texels)) => {
                     self.renderer.place_page(material.0.into(), page, slot, &texels);
+                }
+                (Item::Page(material, page), Decoded::Rounded(rounded)) => {
+                    self.renderer
+                        .place_rounded(material.0.into(), page, slot, rounded);
                 }
                 (Item::Page(material, page), Decoded::Coefficients(coefficients)) => {
                     self.renderer
@@ -186,6 +189,7 @@ impl Engine {
             && summary.settled
             && self.records.idle()
             && !self.renderer.fading()
+            && self.format_is_final()
     }
 }
 
