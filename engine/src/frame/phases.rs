@@ -9,7 +9,9 @@ use crate::{
     stream::Request,
 };
 
-/// Most pages that are looked for below what is in flight.
+/// Of the pages that are looked for below what is in flight, some are here already, and wait for their parents.
+const LEAST_UPCOMING: usize = 128;
+/// Most of them.
 const MOST_UPCOMING: usize = 1024;
 
 impl Engine {
@@ -59,7 +61,7 @@ impl Engine {
             .budgets
             .requests_in_flight
             .saturating_mul(2)
-            .min(MOST_UPCOMING);
+            .clamp(LEAST_UPCOMING, MOST_UPCOMING);
         let upcoming = self.residency.upcoming(most);
         let now = self.now();
         self.records.follow(
