@@ -184,7 +184,7 @@ impl Engine {
         ms.draw += watch.lap();
         ms.gpu = self.gpu;
         let format_mse = self.format_mse();
-        let (decided, known) = (self.archives.decided() as u32, self.btfs.len() as u32);
+        let (decided, known) = (self.archives.decided() as u32, self.archives.known() as u32);
         let stats = FrameStats {
             frame: self.frames,
             archives: self.archives.count() as u32,
