@@ -2,8 +2,8 @@
 
 use std::time::Duration;
 
-use benches::engine::{Subject, built_in};
-use benches::stream::{Contender, NamedNetwork, Plan, Results, Way, measure, plot, table};
+use benches::engine::Subject;
+use benches::stream::{Contender, NamedNetwork, Plan, Results, Way, close_up, measure, plot, table};
 use engine::stream::Network;
 
 fn networks() -> Vec<NamedNetwork> {
@@ -32,17 +32,15 @@ fn measured(subject: &Subject, networks: Vec<NamedNetwork>) -> Results {
 
 #[test]
 fn contenders_end_with_the_same_picture_and_ours_is_the_first() {
-    let results = measured(&built_in(2, 12).unwrap(), networks());
-    assert_eq!((results.materials, results.views), (2, 12));
+    let results = measured(&close_up(1, 8).unwrap(), networks());
+    assert_eq!((results.materials, results.views), (1, 8));
     assert_eq!(results.replays.len(), 2 * 2 * Contender::ALL.len());
     for replay in &results.replays {
         let of = format!("{} {:?} {:?}", replay.network, replay.way, replay.contender);
         let [first, similar, settled] =
             [replay.first, replay.similar, replay.settled].map(|mark| mark.expect(&of));
-        assert!(
-            first.seconds <= similar.seconds && similar.seconds <= settled.seconds,
-            "{of}"
-        );
+        // Where a material is a few pixels, a picture may be similar before that shows something of its own.
+        assert!(first.seconds.max(similar.seconds) <= settled.seconds, "{of}");
         assert!(0 < first.bytes && similar.bytes <= settled.bytes, "{of}");
         let last = replay.points.last().unwrap();
         assert!(last.ssim > 0.999 && last.at == settled, "{of}: {last:?}");
@@ -83,7 +81,7 @@ fn contenders_end_with_the_same_picture_and_ours_is_the_first() {
                     replay.moving_ssim.is_some_and(|ssim| (0.0..=1.0).contains(&ssim)),
                     "{of}"
                 );
-                assert_eq!(replay.stopped.unwrap().seconds, 0.2);
+                assert_eq!(replay.stopped.unwrap().seconds, 8.0 / 60.0);
                 assert!(
                     replay.contender == Contender::Ours || replay.unseen_bytes == 0,
                     "{of}"
@@ -117,7 +115,7 @@ fn contenders_end_with_the_same_picture_and_ours_is_the_first() {
 
 #[test]
 fn results_are_the_same_every_time() {
-    let subject = built_in(2, 1).unwrap();
+    let subject = close_up(1, 1).unwrap();
     let lossy = || networks().split_off(1);
     assert_eq!(measured(&subject, lossy()), measured(&subject, lossy()));
 }

@@ -28,7 +28,7 @@ const LOOK_SHARE: f64 = 0.02;
 const LATE_SHARE: f64 = 0.15;
 const NEARLY: f64 = 0.98;
 /// Frames of a round trip where round trips are counted: enough that what is decided in a few frames does not count.
-const TRIP_FRAMES: u32 = 100;
+const TRIP_FRAMES: u32 = 40;
 
 /// When something was reached.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]

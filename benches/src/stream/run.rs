@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use super::replay::{FRAMES, Stage};
 use super::{Contender, Replay, truth};
-use crate::engine::Subject;
+use crate::engine::{Subject, built_in};
 use crate::{Error, Result};
 
 /// Most views that are compared while the camera moves.
@@ -157,4 +157,19 @@ pub fn measure(subject: &Subject, plan: &Plan, progress: &dyn Fn(&str)) -> Resul
 /// Views along a path for so many seconds.
 pub fn views(seconds: f64) -> usize {
     ((seconds * f64::from(FRAMES)).round() as usize).max(1)
+}
+
+/// Share of the way from what the camera looks at to where it is on its flight over the tori.
+const NEAR: f32 = 0.3;
+
+/// The grid of tori of [`built_in`], so near that pixels want its finest mips.
+///
+/// # Errors
+/// None that is expected.
+pub fn close_up(materials: usize, views: usize) -> Result<Subject> {
+    let mut subject = built_in(materials, views)?;
+    for camera in &mut subject.cameras {
+        camera.eye = camera.target + NEAR * (camera.eye - camera.target);
+    }
+    Ok(subject)
 }

@@ -4,8 +4,8 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use ::benches::engine::{Archives, Subject, built_in};
-use ::benches::stream::{NamedNetwork, Plan, measure, plot, table, views};
+use ::benches::engine::{Archives, Subject};
+use ::benches::stream::{NamedNetwork, Plan, close_up, measure, plot, table, views};
 use ::engine::stream::Network;
 use anyhow::{Context, Result, ensure};
 use clap::Args;
@@ -98,7 +98,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let spinner = progress::spinner("stream", arguments.json);
     let subject = match &arguments.scene {
         Some(path) => subject(arguments, path)?,
-        None => built_in(arguments.materials, views(arguments.seconds))?,
+        None => close_up(arguments.materials, views(arguments.seconds))?,
     };
     let plan = Plan {
         size: arguments.size,
