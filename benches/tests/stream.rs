@@ -13,10 +13,7 @@ fn networks() -> Vec<NamedNetwork> {
     };
     vec![
         named("wide", Network::line(200_000_000, Duration::from_millis(20), 0.0)),
-        named(
-            "lossy",
-            Network::line(50_000_000, Duration::from_millis(50), 0.02),
-        ),
+        named("lossy", Network::line(50_000_000, Duration::from_millis(50), 0.1)),
     ]
 }
 

@@ -16,6 +16,9 @@ const ROW: f64 = 236.0;
 const GOAL: f64 = super::replay::GOAL;
 const GREY: &str = "#d0d7de";
 
+/// What is drawn to the right.
+type Axis = fn(&super::Mark) -> f64;
+
 /// A row of two panels for each network: the static view over bytes, and over seconds.
 pub fn plot(results: &Results) -> String {
     let rows = results.plan.networks.len() as f64;
@@ -28,7 +31,7 @@ pub fn plot(results: &Results) -> String {
     for (row, named) in results.plan.networks.iter().enumerate() {
         let top = TOP + row as f64 * ROW;
         let replays: Vec<&Replay> = results.of(&named.name, Way::Static).collect();
-        let axes: [(&str, fn(&super::Mark) -> f64); 2] = [
+        let axes: [(&str, Axis); 2] = [
             ("MB", |mark| mark.bytes as f64 / 1e6),
             ("seconds", |mark| mark.seconds),
         ];

@@ -255,7 +255,7 @@ impl Replay {
         self.resent_bytes = stats.resent_bytes;
         self.unseen_bytes = unseen_bytes;
         let still = || self.points.iter().filter(|point| !point.moving);
-        let below = still().filter(|point| point.ssim < GOAL).last();
+        let below = still().rfind(|point| point.ssim < GOAL);
         let since = below.map_or(f64::NEG_INFINITY, |point| point.at.seconds);
         self.similar = still()
             .find(|point| point.at.seconds > since)
