@@ -6,6 +6,7 @@
 //! - [`policy`]: predicted error over budget of ways to choose what is resident.
 //! - [`range`]: weights and compressed samples at equal rank.
 //! - [`stability`]: BTFs that are hard on floating point numbers, against bounds.
+//! - [`stream`]: what is seen after how many bytes and seconds, under networks.
 //! - [`KeptFactors`]: factors on disk, so that a codec can be measured again without factorizing again.
 //! - [`eigen_textures`]: an input made by formula, for benchmarks of single stages.
 //!
@@ -20,6 +21,7 @@ mod npy;
 pub mod policy;
 pub mod range;
 pub mod stability;
+pub mod stream;
 mod textures;
 
 pub use error::{Error, Result};

@@ -10,6 +10,7 @@ mod factorize;
 mod policy;
 mod range;
 mod stability;
+mod stream;
 
 use anyhow::Result;
 use clap::{Args, Subcommand};
@@ -31,6 +32,7 @@ Examples:
   eigentile bench policy
   eigentile bench range leather.npy
   eigentile bench stability
+  eigentile bench stream
 
 benches/peers in the source tree has the programs to measure beside, and scripts that run both.";
 
@@ -43,6 +45,7 @@ enum Subject {
     Policy(policy::Arguments),
     Range(range::Arguments),
     Stability(stability::Arguments),
+    Stream(stream::Arguments),
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
@@ -54,5 +57,6 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         Subject::Policy(arguments) => policy::run(arguments),
         Subject::Range(arguments) => range::run(arguments),
         Subject::Stability(arguments) => stability::run(arguments),
+        Subject::Stream(arguments) => stream::run(arguments),
     }
 }

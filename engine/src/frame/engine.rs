@@ -10,6 +10,7 @@ use super::{
     events::{Event, Events},
     options::Options,
     page_format::{Review, Worths},
+    policy::Policy,
     problems::Problems,
     records::Records,
     stats::{Counters, FrameStats, Milliseconds, Stopwatch},
@@ -31,7 +32,7 @@ pub struct Engine {
     pub(super) archives: Archives,
     /// The BTFs that are known, in the order in which they became so; residency and renderer count them alike.
     pub(super) btfs: Vec<Arc<Btf>>,
-    pub(super) residency: Residency,
+    pub(super) residency: Box<dyn Policy>,
     /// What the page cache holds, and what that is chosen by.
     pub(super) format: PageFormat,
     pub(super) worths: Worths,
@@ -66,22 +67,43 @@ impl Engine {
         source: Box<dyn TileSource>,
         options: Options,
     ) -> Result<Self> {
+        let residency = Residency::new(Limits {
+            page_slots: 0,
+            column_slots: 0,
+            in_flight: 1,
+            bytes_in_flight: 1,
+        });
+        Self::with_policy(context, scene, source, options, Box::new(residency))
+    }
+
+    /// As [`Engine::new`], where something else than residency decides: to measure beside it.
+    ///
+    /// # Errors
+    /// Those of [`Engine::new`].
+    pub fn with_policy(
+        context: Context,
+        scene: &Scene,
+        source: Box<dyn TileSource>,
+        options: Options,
+        mut residency: Box<dyn Policy>,
+    ) -> Result<Self> {
         options.check()?;
         let format = options.page_format.unwrap_or_default();
         let on_gpu = options.decodes_on_gpu(&context, format);
         let mut renderer = Renderer::new(context, scene, options.size)?;
         renderer.set_shading(options.shading());
         let (page_slots, column_slots) = renderer.layout(options.caches(), 0)?.slots();
+        residency.set_limits(Limits {
+            page_slots,
+            column_slots,
+            in_flight: 1,
+            bytes_in_flight: options.budgets.bytes_in_flight,
+        });
         let mut engine = Self {
             renderer,
             archives: Archives::new(scene, workers(&options))?,
             btfs: Vec::new(),
-            residency: Residency::new(Limits {
-                page_slots,
-                column_slots,
-                in_flight: 1,
-                bytes_in_flight: options.budgets.bytes_in_flight,
-            }),
+            residency,
             format,
             worths: Worths::default(),
             review: Review::default(),
@@ -142,7 +164,7 @@ impl Engine {
     }
 
     /// A frame. Without `show` the picture is drawn only if nothing more is to come.
-    fn advance(&mut self, camera: &Camera, show: bool) -> Result<FrameStats> {
+    pub(super) fn advance(&mut self, camera: &Camera, show: bool) -> Result<FrameStats> {
         if let Some(problem) = camera.problem() {
             return Err(Error::Scene(format!("the camera {problem}")));
         }
