@@ -7,6 +7,7 @@
 //! - [`range`]: weights and compressed samples at equal rank.
 //! - [`serve`]: requests per second, latency and memory of the tile server, beside nginx.
 //! - [`stability`]: BTFs that are hard on floating point numbers, against bounds.
+//! - [`stream`]: what is seen after how many bytes and seconds, under networks.
 //! - [`KeptFactors`]: factors on disk, so that a codec can be measured again without factorizing again.
 //! - [`eigen_textures`]: an input made by formula, for benchmarks of single stages.
 //!
@@ -22,6 +23,7 @@ pub mod policy;
 pub mod range;
 pub mod serve;
 pub mod stability;
+pub mod stream;
 mod textures;
 
 pub use error::{Error, Result};

@@ -140,6 +140,30 @@ fn stability_bounds_hold() {
 }
 
 #[test]
+fn pictures_are_measured_under_a_network() {
+    let folder = tempfile::tempdir().unwrap();
+    let stream = [
+        "bench",
+        "stream",
+        "--materials",
+        "1",
+        "--seconds",
+        "0",
+        "--size",
+        "64x36",
+    ];
+    let networks = ["--network", "200,20", "--plot", "stream.svg", "--json"];
+    let results = succeed_json(folder.path(), &[&stream[..], &networks[..]].concat());
+    assert_eq!(number(&results, "/plan/networks/0/network/bits_per_second"), 2e8);
+    assert_eq!(results["replays"].as_array().map(Vec::len), Some(4));
+    assert!(number(&results, "/replays/0/settled/bytes") > 0.0);
+    let plot = fs::read_to_string(folder.path().join("stream.svg")).unwrap();
+    assert!(plot.contains("breadth first"), "{plot}");
+    let wrong = fail(folder.path(), &["bench", "stream", "--network", "5g"]);
+    assert!(wrong.contains("dsl"), "{wrong}");
+}
+
+#[test]
 fn failures_say_what_to_do() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();

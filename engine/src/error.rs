@@ -31,6 +31,15 @@ pub enum Error {
         /// How long the source itself asks to be left alone.
         retry_after: Option<std::time::Duration>,
     },
+    /// The source has another version of the archive than the one whose index it gave out. With a new index its records
+    /// can be had again.
+    #[error("{what}: {detail}")]
+    Changed {
+        /// What was asked for: archive and record.
+        what: String,
+        /// What the source said.
+        detail: String,
+    },
     /// The source has no such archive or record.
     #[error("{0} was not found: check the folder or address given with --tiles")]
     NotFound(String),

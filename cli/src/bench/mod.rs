@@ -11,6 +11,7 @@ mod policy;
 mod range;
 mod serve;
 mod stability;
+mod stream;
 
 use anyhow::Result;
 use clap::{Args, Subcommand};
@@ -33,6 +34,7 @@ Examples:
   eigentile bench range leather.npy
   eigentile bench serve cloth.bsvtf
   eigentile bench stability
+  eigentile bench stream
 
 benches/peers in the source tree has the programs to measure beside, and scripts that run both.";
 
@@ -46,6 +48,7 @@ enum Subject {
     Range(range::Arguments),
     Serve(serve::Arguments),
     Stability(stability::Arguments),
+    Stream(stream::Arguments),
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
@@ -58,5 +61,6 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         Subject::Range(arguments) => range::run(arguments),
         Subject::Serve(arguments) => serve::run(arguments),
         Subject::Stability(arguments) => stability::run(arguments),
+        Subject::Stream(arguments) => stream::run(arguments),
     }
 }

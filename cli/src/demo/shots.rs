@@ -9,7 +9,7 @@ use anyhow::{Context as _, Result, ensure};
 use engine::frame::{Engine, FrameStats};
 use engine::gpu::Context;
 use engine::metrics::{Comparison, compare};
-use engine::stream::{Answer, HttpOptions, HttpSource, Request, ThrottledSource, Ticket, TileSource};
+use engine::stream::{Answer, HttpOptions, HttpSource, Network, NetworkSource, Request, Ticket, TileSource};
 use scenes::{Camera, CameraPath, Scene};
 use serde::Serialize;
 
@@ -95,20 +95,29 @@ impl Studio<'_> {
     /// Pictures after given shares of `total_bytes` have come over a line that is as slow as the pictures are.
     pub(crate) fn refinement(&self, cache_bytes: u64, total_bytes: u64, truth: &Truth) -> Result<Vec<Shot>> {
         let start = Instant::now();
-        let line = Line(Rc::new(RefCell::new(ThrottledSource::new(self.http()?))));
+        // A byte in a microsecond.
+        let network = Network {
+            bits_per_second: 8_000_000,
+            ..Network::default()
+        };
+        let line = Line(Rc::new(RefCell::new(NetworkSource::new(
+            self.http()?,
+            network,
+            0,
+        ))));
         let mut engine = self.engine(cache_bytes, Box::new(line.clone()), self.size)?;
         let bar = progress::bar("refinement (bytes)", total_bytes, self.quiet);
         let mut shots = Vec::new();
         for share in SHARES {
             let target = total_bytes * u64::from(share) / 100;
             // A few frames from one picture to the next.
-            let step = target.saturating_sub(line.0.borrow().delivered_bytes()) / STEPS + 1;
+            let step = target.saturating_sub(line.0.borrow().network_stats().delivered_bytes) / STEPS + 1;
             let stats = loop {
-                let delivered = line.0.borrow().delivered_bytes();
-                line.0.borrow_mut().advance(step);
+                let delivered = line.0.borrow().network_stats().delivered_bytes;
+                line.0.borrow_mut().advance(Duration::from_micros(step));
                 let stats = engine.frame(&self.camera)?;
-                bar.set_position(line.0.borrow().delivered_bytes());
-                let arrived = line.0.borrow().delivered_bytes();
+                bar.set_position(line.0.borrow().network_stats().delivered_bytes);
+                let arrived = line.0.borrow().network_stats().delivered_bytes;
                 if stats.settled || (arrived >= target && share < 100) {
                     break stats;
                 }
@@ -186,9 +195,9 @@ impl Studio<'_> {
     }
 }
 
-/// A throttled source of which the demo keeps a hand on the valve.
+/// A slow line of which the demo keeps a hand on the valve.
 #[derive(Clone)]
-struct Line(Rc<RefCell<ThrottledSource<HttpSource>>>);
+struct Line(Rc<RefCell<NetworkSource<HttpSource>>>);
 
 impl TileSource for Line {
     fn capacity(&self) -> usize {

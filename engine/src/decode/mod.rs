@@ -20,7 +20,7 @@ use tileset::{Page, PageId, SLOT_AREA, archive::Index, codec::pyramid_dct::Coeff
 
 use crate::{
     Result,
-    gpu::materials::Btf,
+    gpu::{PageFormat, Rounded, materials::Btf},
     residency::{Item, MaterialId},
 };
 
@@ -127,7 +127,13 @@ impl Pending {
     pub fn decoding_bytes(&self, btf: &Btf, parent: bool) -> u64 {
         let decoded = match self.item {
             Item::Page(_, page) if alone(&btf.index, page, self.on_gpu) => COEFFICIENTS_BYTES,
-            Item::Page(..) => (1 + self.above.len() as u64 + u64::from(parent)) * PAGE_BYTES,
+            Item::Page(..) => {
+                let rounded = match btf.page_format {
+                    PageFormat::Half => 0,
+                    PageFormat::Byte => Rounded::BYTES,
+                };
+                (1 + self.above.len() as u64 + u64::from(parent)) * PAGE_BYTES + rounded
+            }
             Item::Column(..) => btf.column_quads() * 8,
         };
         self.bytes() + decoded
@@ -181,6 +187,8 @@ pub struct Job {
 pub enum Decoded {
     /// A page.
     Page(Arc<Page>),
+    /// A page for a cache of bytes.
+    Rounded(Rounded),
     /// A page that is added to its parent on the GPU.
     Coefficients(Coefficients),
     /// A column, see [`Btf::cached_column`].
@@ -193,7 +201,7 @@ pub struct Done {
     pub item: Item,
     /// The ancestors that had to be decoded on the way …
     pub above: Vec<PageId>,
-    /// … and their texels, as far as that went.
+    /// … and their texels, as far as that went; with them those of a page with children that comes rounded.
     pub ancestors: Vec<(PageId, Arc<Page>)>,
     /// The item itself.
     pub decoded: Result<Decoded>,
@@ -231,7 +239,18 @@ impl Job {
             ancestors.push((ancestor, decoded));
         }
         let decoded = decoder.page(page, &self.record, self.parent.as_deref())?;
-        Ok(Decoded::Page(Arc::new(decoded)))
+        let decoded = Arc::new(decoded);
+        if self.btf.page_format == PageFormat::Half {
+            return Ok(Decoded::Page(decoded));
+        }
+        let pyramid = self.btf.pyramid();
+        if pyramid.children(page.tile).next().is_some() {
+            ancestors.push((page, decoded.clone()));
+        }
+        Ok(Decoded::Rounded(Rounded::new(
+            decoded,
+            pyramid.payload(page.tile),
+        )))
     }
 }
 

@@ -65,6 +65,11 @@ impl HostStore {
         }
     }
 
+    /// Whether a record is here, which does not make it a younger one.
+    pub fn has_record(&self, item: Item) -> bool {
+        self.held.contains(&Key::Record(item))
+    }
+
     /// A decoded page.
     pub fn page(&mut self, material: MaterialId, page: PageId) -> Option<Arc<Page>> {
         match self.held.get(&Key::Page(material, page))? {

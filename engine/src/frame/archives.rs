@@ -37,6 +37,8 @@ struct Failure {
 pub(super) struct Archives {
     names: Vec<Arc<str>>,
     states: Vec<State>,
+    /// The BTF that each is shown as: while a new version is on its way, the one before.
+    shown: Vec<Option<usize>>,
     /// For each material of the scene its archive.
     of_material: Vec<Option<usize>>,
     /// Read indices and triangulate directions: archive and what came of it.
@@ -72,6 +74,7 @@ impl Archives {
             })
             .collect();
         Ok(Self {
+            shown: vec![None; names.len()],
             names,
             states,
             of_material,
@@ -81,17 +84,38 @@ impl Archives {
 
     /// Asks for what is not in flight, as far as the source takes it.
     pub(super) fn submit(&mut self, source: &mut dyn TileSource) {
-        for (name, state) in self.names.iter().zip(&mut self.states) {
+        for ((name, state), shown) in self.names.iter().zip(&mut self.states).zip(&self.shown) {
             if let State::Waiting {
                 ticket: ticket @ None,
                 ..
             } = state
             {
-                *ticket = source.submit(Request::Index {
-                    archive: name.clone(),
-                });
+                let archive = name.clone();
+                *ticket = match shown {
+                    None => source.submit(Request::Index { archive }),
+                    Some(_) => source.submit_anew(Request::Index { archive }),
+                };
             }
         }
+    }
+
+    /// Asks for the index of the archive behind a BTF anew, if it is the version that is shown and not asked for yet. Returns
+    /// whether it was so.
+    pub(super) fn reload(&mut self, btf: usize) -> bool {
+        let known = |state: &State| matches!(state, State::Known(known) if *known == btf);
+        let Some(state) = self.states.iter_mut().find(|state| known(state)) else {
+            return false;
+        };
+        *state = State::Waiting {
+            attempts: 0,
+            ticket: None,
+        };
+        true
+    }
+
+    /// The BTF that an archive is shown as.
+    pub(super) fn shown(&self, archive: usize) -> Option<usize> {
+        self.shown[archive]
     }
 
     /// Takes an answer that is about an index.
@@ -154,20 +178,24 @@ impl Archives {
     /// From now on an archive is this BTF.
     pub(super) fn set_known(&mut self, archive: usize, btf: usize) {
         self.states[archive] = State::Known(btf);
+        self.shown[archive] = Some(btf);
     }
 
     /// For each material of the scene its BTF, as far as it is known.
     pub(super) fn btf_of_material(&self) -> Vec<Option<usize>> {
-        let btf = |archive: &Option<usize>| match self.states[(*archive)?] {
-            State::Known(btf) => Some(btf),
-            _ => None,
-        };
+        let btf = |archive: &Option<usize>| self.shown[(*archive)?];
         self.of_material.iter().map(btf).collect()
     }
 
     /// Archives of the scene.
     pub(super) fn count(&self) -> usize {
         self.names.len()
+    }
+
+    /// How many are known.
+    pub(super) fn known(&self) -> usize {
+        let known = |state: &&State| matches!(state, State::Known(_));
+        self.states.iter().filter(known).count()
     }
 
     /// How many are known or given up.

@@ -21,9 +21,8 @@ impl Engine {
     }
 
     /// Changes the budgets, at once. What stays in the caches on the GPU is copied there; what has no room any more goes,
-    /// the least worth first. Where the format of the page cache is left to the ledgers and
-    /// becomes another, all pages go, and come back. While that lasts old and new caches are both in memory. What is asked for or being decoded
-    /// stays so.
+    /// the least worth first. While that lasts old and new caches are both in memory. What is asked for or being decoded
+    /// stays so. Whether another format of the page cache would be better now, the next frames see.
     ///
     /// # Errors
     /// [`crate::Error::Budget`] for budgets that cannot work with the materials that are known; then all stays as it is.
@@ -35,15 +34,13 @@ impl Engine {
         };
         options.check()?;
         let quads = self.column_quads();
-        let page_format = self.choose_format(options.budgets.page_cache_bytes, quads)?;
         let caches = Caches {
-            page_format,
+            page_format: self.format,
             ..options.caches()
         };
         self.renderer.layout(caches, quads)?;
         self.options = options;
         self.records.set_budgets(budgets);
-        self.set_format(page_format)?;
         self.resize_caches()
     }
 
@@ -97,6 +94,7 @@ impl Engine {
     pub(super) fn resize_caches(&mut self) -> Result<()> {
         let layout = self.renderer.layout(self.caches(), self.column_quads())?;
         let (page_slots, column_slots) = layout.slots();
+        self.count_format_slots();
         let (pages, columns) = self.set_slots(page_slots, column_slots);
         self.renderer.resize_caches(layout, &pages, &columns)
     }

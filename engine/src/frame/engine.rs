@@ -9,7 +9,8 @@ use super::{
     archives::Archives,
     events::{Event, Events},
     options::Options,
-    page_format::Worths,
+    page_format::{Review, Worths},
+    policy::Policy,
     problems::Problems,
     records::Records,
     stats::{Counters, FrameStats, Milliseconds, Stopwatch},
@@ -31,10 +32,11 @@ pub struct Engine {
     pub(super) archives: Archives,
     /// The BTFs that are known, in the order in which they became so; residency and renderer count them alike.
     pub(super) btfs: Vec<Arc<Btf>>,
-    pub(super) residency: Residency,
+    pub(super) residency: Box<dyn Policy>,
     /// What the page cache holds, and what that is chosen by.
     pub(super) format: PageFormat,
     pub(super) worths: Worths,
+    pub(super) review: Review,
     pub(super) window: Window,
     pub(super) ahead: Ahead,
     pub(super) records: Records,
@@ -65,24 +67,46 @@ impl Engine {
         source: Box<dyn TileSource>,
         options: Options,
     ) -> Result<Self> {
+        let residency = Residency::new(Limits {
+            page_slots: 0,
+            column_slots: 0,
+            in_flight: 1,
+            bytes_in_flight: 1,
+        });
+        Self::with_policy(context, scene, source, options, Box::new(residency))
+    }
+
+    /// As [`Engine::new`], where something else than residency decides: to measure beside it.
+    ///
+    /// # Errors
+    /// Those of [`Engine::new`].
+    pub fn with_policy(
+        context: Context,
+        scene: &Scene,
+        source: Box<dyn TileSource>,
+        options: Options,
+        mut residency: Box<dyn Policy>,
+    ) -> Result<Self> {
         options.check()?;
         let format = options.page_format.unwrap_or_default();
         let on_gpu = options.decodes_on_gpu(&context, format);
         let mut renderer = Renderer::new(context, scene, options.size)?;
         renderer.set_shading(options.shading());
         let (page_slots, column_slots) = renderer.layout(options.caches(), 0)?.slots();
+        residency.set_limits(Limits {
+            page_slots,
+            column_slots,
+            in_flight: 1,
+            bytes_in_flight: options.budgets.bytes_in_flight,
+        });
         let mut engine = Self {
             renderer,
             archives: Archives::new(scene, workers(&options))?,
             btfs: Vec::new(),
-            residency: Residency::new(Limits {
-                page_slots,
-                column_slots,
-                in_flight: 1,
-                bytes_in_flight: options.budgets.bytes_in_flight,
-            }),
+            residency,
             format,
             worths: Worths::default(),
+            review: Review::default(),
             window: Window::new(options.feedback_stride),
             ahead: Ahead::default(),
             records: Records::new(options.budgets, workers(&options), on_gpu),
@@ -140,7 +164,7 @@ impl Engine {
     }
 
     /// A frame. Without `show` the picture is drawn only if nothing more is to come.
-    fn advance(&mut self, camera: &Camera, show: bool) -> Result<FrameStats> {
+    pub(super) fn advance(&mut self, camera: &Camera, show: bool) -> Result<FrameStats> {
         if let Some(problem) = camera.problem() {
             return Err(Error::Scene(format!("the camera {problem}")));
         }
@@ -159,6 +183,7 @@ impl Engine {
         ms.votes = watch.lap();
 
         self.decide();
+        self.review_format();
         ms.residency = watch.lap();
 
         self.receive();
@@ -175,12 +200,13 @@ impl Engine {
 
         let texels_stitched = self.renderer.stitch(&strips);
         let after = self.summary();
+        self.show_filled(&after);
         let settled = self.settled(&after);
         let drawn = (show || settled) && self.draw()?;
         ms.draw += watch.lap();
         ms.gpu = self.gpu;
         let format_mse = self.format_mse();
-        let (decided, known) = (self.archives.decided() as u32, self.btfs.len() as u32);
+        let (decided, known) = (self.archives.decided() as u32, self.archives.known() as u32);
         let stats = FrameStats {
             frame: self.frames,
             archives: self.archives.count() as u32,
@@ -208,6 +234,7 @@ impl Engine {
             self.events.add(Event::Problem(problem.to_owned()));
         }
         self.events.frame(&stats, self.view, stats.archives > 0);
+        self.follow_review()?;
         Ok(stats)
     }
 

@@ -1,12 +1,14 @@
 //! What measurements need: votes to record, and frames that only draw, to compare with.
 
 use scenes::Camera;
+use tileset::PageId;
 
-use super::{Engine, phases::material_info};
+use super::{Engine, FrameStats, phases::material_info};
 use crate::{
     Error, Result,
     gpu::GpuMilliseconds,
-    residency::{Item, MaterialInfo, Vote},
+    metrics::Picture,
+    residency::{Item, MaterialId, MaterialInfo, Vote},
 };
 
 impl Engine {
@@ -19,6 +21,39 @@ impl Engine {
     /// What residency knows of the materials that are known, in the order of their ids.
     pub fn materials(&self) -> impl Iterator<Item = MaterialInfo> + '_ {
         self.btfs.iter().map(|btf| material_info(btf))
+    }
+
+    /// A frame that is not drawn unless nothing more is to come: what is decided and fetched is the same. Pictures that
+    /// nobody looks at need not be shaded to be streamed; [`Engine::show`] draws one.
+    ///
+    /// # Errors
+    /// Those of [`Engine::frame`].
+    pub fn step(&mut self, camera: &Camera) -> Result<FrameStats> {
+        self.advance(camera, false)
+    }
+
+    /// Draws the view of the last frame with what is there now, if that has not been done. Waits for the GPU.
+    ///
+    /// # Errors
+    /// [`Error::Adapter`] if the device fails.
+    pub fn show(&mut self) -> Result<Picture> {
+        self.draw()?;
+        self.picture()
+    }
+
+    /// Archives that are known, in the order of their ids, and whether each shows something of its own: column and root
+    /// of the first group are resident.
+    pub fn shown(&self) -> impl Iterator<Item = (&str, bool)> {
+        self.btfs.iter().zip(0..).map(|(btf, material)| {
+            let material = MaterialId(material);
+            let root = PageId {
+                group: 0,
+                tile: btf.pyramid().root(),
+            };
+            let first = [Item::Column(material, 0), Item::Page(material, root)];
+            let there = first.iter().all(|item| self.residency.slot(*item).is_some());
+            (&*btf.archive, there)
+        })
     }
 
     /// Copies all that is resident to where a renderer without virtual textures would have it: caches with a place for

@@ -5,7 +5,7 @@
 //! `workers` (what must not hold up a frame), `problems` (what went wrong), `events` (what a program is told).
 //! `prefetch`, `ahead` and `motion`: views that are not shown yet. `budgets`: changes at run time.
 //! `page_format`: what the page cache holds. `outputs`: pictures
-//! and counters. `measured`: what measurements need.
+//! and counters. `measured`: what measurements need. `policy`: who decides what is resident.
 
 mod ahead;
 mod archives;
@@ -19,6 +19,7 @@ mod options;
 mod outputs;
 mod page_format;
 mod phases;
+mod policy;
 mod prefetch;
 mod problems;
 mod records;
@@ -30,4 +31,5 @@ pub use ahead::MAX_PREFETCHED_VIEWS;
 pub use engine::Engine;
 pub use events::Event;
 pub use options::{Budgets, Decode, MAX_FEEDBACK_STRIDE, MAX_PREFETCH_SECONDS, MIN_HOST_BYTES, Options};
+pub use policy::Policy;
 pub use stats::{Counters, FrameStats, Milliseconds};

@@ -106,8 +106,9 @@ pub struct Options {
     pub fade_frames: u32,
     /// Where pages are decoded.
     pub decode_on: Decode,
-    /// What texels of the page cache are; `None`: as the ledgers of the scene's materials advise, within the budget, so that
-    /// the predicted error is least. That is looked at again when materials become known and when budgets change.
+    /// What texels of the page cache are; `None`: half floats where all that is wanted has room, otherwise as the ledgers of the
+    /// scene's materials advise, so that the predicted error is least. What has been better for some frames becomes so; the
+    /// picture stays until as much has come in the new format, and both caches are in memory meanwhile.
     pub page_format: Option<PageFormat>,
     /// Each frame waits for its own votes and for the picture, so that the same inputs give the same operations.
     /// Programs with a window turn it off: then nothing waits, and votes are used when they have come back. Browsers

@@ -5,9 +5,14 @@ use crate::{
     Result,
     decode::Decoded,
     gpu::{Ask, materials::Btf},
-    residency::{Item, MaterialInfo, Placement, Summary},
+    residency::{Item, MaterialId, MaterialInfo, Placement, Summary},
     stream::Request,
 };
+
+/// Of the pages that are looked for below what is in flight, some are here already, and wait for their parents.
+const LEAST_UPCOMING: usize = 128;
+/// Most of them.
+const MOST_UPCOMING: usize = 1024;
 
 impl Engine {
     /// Visibility, where the view is new, and votes, where some are missing.
@@ -50,16 +55,31 @@ impl Engine {
     /// Votes to residency; its plan to the records.
     pub(super) fn decide(&mut self) {
         let plan = self.update_residency();
+        // Twice what can be in flight: what has begun to come is not given up because another has overtaken it.
+        let most = self
+            .options
+            .budgets
+            .requests_in_flight
+            .saturating_mul(2)
+            .clamp(LEAST_UPCOMING, MOST_UPCOMING);
+        let upcoming = self.residency.upcoming(most);
         let now = self.now();
-        self.records
-            .follow(&plan, now, &self.btfs, &mut *self.source, &mut self.counters);
+        self.records.follow(
+            &plan,
+            &upcoming,
+            now,
+            &self.btfs,
+            &mut *self.source,
+            &mut self.counters,
+        );
     }
 
     /// Submits requests and takes the answers that are there: at most as many as can be in flight, so that a
     /// source that answers at once cannot hold up a frame.
     pub(super) fn receive(&mut self) {
         self.archives.submit(&mut *self.source);
-        self.records.submit(&self.btfs, &mut *self.source);
+        self.records
+            .submit(&self.btfs, &mut *self.source, &mut self.counters);
         for _ in 0..self.source.capacity() {
             let Some(answer) = self.source.poll() else { break };
             self.wire_bytes += answer.wire_bytes;
@@ -69,6 +89,28 @@ impl Engine {
                     .records
                     .receive(answer, &self.btfs, &mut self.counters, &mut self.problems),
             }
+        }
+        for material in self.records.take_changed() {
+            self.reload(material);
+        }
+    }
+
+    /// Asks for the index of an archive that has changed. What is there of the version before is shown until the new one is
+    /// known; nothing more of it is asked for, so that no record of one is ever taken for one of the other.
+    fn reload(&mut self, material: MaterialId) {
+        if !self.archives.reload(material.0.into()) {
+            return;
+        }
+        // Its failure counts, so that a source that says so again and again is asked ever more rarely.
+        self.fail_items();
+        self.residency.set_retired(material, true);
+        self.records.forget(material, &self.btfs, &mut *self.source);
+    }
+
+    /// Tells residency what could not be had.
+    fn fail_items(&mut self) {
+        for item in self.records.take_failed() {
+            self.residency.failed(item);
         }
     }
 
@@ -80,9 +122,20 @@ impl Engine {
         if read.is_empty() {
             return Ok(());
         }
+        read.retain(|(archive, btf)| {
+            let shown = self.archives.shown(*archive);
+            let same = shown.filter(|&shown| self.btfs[shown].index == btf.index);
+            if let Some(same) = same {
+                // It has not changed after all.
+                self.archives.set_known(*archive, same);
+                self.residency.set_retired(MaterialId(same as u16), false);
+            }
+            same.is_none()
+        });
         let caches = self.caches();
         for (_, btf) in &mut read {
             btf.angular = self.options.angular;
+            btf.page_format = self.format;
         }
         read.retain(|(archive, btf)| {
             let fits = self.renderer.layout(caches, btf.column_quads());
@@ -102,8 +155,6 @@ impl Engine {
             });
             self.btfs.push(btf.into());
         }
-        let format = self.choose_format(self.options.budgets.page_cache_bytes, self.column_quads())?;
-        self.set_format(format)?;
         self.resize_caches()?;
         self.renderer.show_btfs(&self.archives.btf_of_material())?;
         // All pixels vote again: some see what had no votes before.
@@ -124,9 +175,7 @@ impl Engine {
     pub(super) fn take_decoded(&mut self) -> Vec<(Item, Decoded)> {
         let now = self.now();
         let decoded = self.records.finish_decoding(now, &self.btfs, &mut self.problems);
-        for item in self.records.take_failed() {
-            self.residency.failed(item);
-        }
+        self.fail_items();
         decoded
     }
 
@@ -144,6 +193,10 @@ impl Engine {
             match (item, decoded) {
                 (Item::Page(material, page), Decoded::Page(texels)) => {
                     self.renderer.place_page(material.0.into(), page, slot, &texels);
+                }
+                (Item::Page(material, page), Decoded::Rounded(rounded)) => {
+                    self.renderer
+                        .place_rounded(material.0.into(), page, slot, rounded);
                 }
                 (Item::Page(material, page), Decoded::Coefficients(coefficients)) => {
                     self.renderer
@@ -186,6 +239,7 @@ impl Engine {
             && summary.settled
             && self.records.idle()
             && !self.renderer.fading()
+            && self.format_is_final()
     }
 }
 

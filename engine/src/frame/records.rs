@@ -3,8 +3,12 @@
 //! An item is in one place at a time: `queue` (to be submitted), `tickets` (in flight), `pending` (here, waiting to be
 //! decoded), [`Decoding`] (with the workers, or decoded and not handed out yet). What residency asked for is in `wanted`
 //! until it is handed out; ancestors that the host has dropped travel the same way without being wanted.
+//!
+//! What residency will ask for next is fetched early: its record waits in the store until then. Early records take what
+//! the wanted ones leave of requests and bytes in flight, give way to them, and are given up in the frame in which residency
+//! names them no more.
 
-use std::collections::{HashMap, VecDeque};
+use std::collections::{BTreeSet, HashMap, HashSet, VecDeque};
 use std::sync::Arc;
 
 use bytes::Bytes;
@@ -12,7 +16,7 @@ use tileset::{Page, PageId, Record};
 
 use super::{decoding::Decoding, options::Budgets, problems::Problems, stats::Counters, workers::Workers};
 use crate::{
-    Result,
+    Error, Result,
     decode::{Decoded, Done, HostStore, Pending, Step, alone},
     gpu::materials::Btf,
     residency::{Item, MaterialId, Plan},
@@ -29,6 +33,10 @@ const LATENCY_SHARE: f64 = 1.0 / 32.0;
 pub(super) struct Records {
     store: HostStore,
     queue: VecDeque<Item>,
+    /// The order in which residency would have records fetched, of items that it has asked for or will.
+    order: HashMap<Item, usize>,
+    /// Items in `order` whose records came early, or could not be had: once is enough.
+    early: HashSet<Item>,
     tickets: HashMap<Ticket, Item>,
     flying: HashMap<Item, Ticket>,
     bytes_in_flight: u64,
@@ -42,6 +50,8 @@ pub(super) struct Records {
     decoding: Decoding,
     damaged: HashMap<Item, u32>,
     failed: Vec<Item>,
+    /// Materials whose archives the source has in another version.
+    changed: BTreeSet<MaterialId>,
     budgets: Budgets,
     /// The GPU decodes pages, as far as it can.
     on_gpu: bool,
@@ -59,6 +69,8 @@ impl Records {
         Self {
             store: HostStore::new(budgets.host_bytes),
             queue: VecDeque::new(),
+            order: HashMap::new(),
+            early: HashSet::new(),
             tickets: HashMap::new(),
             flying: HashMap::new(),
             bytes_in_flight: 0,
@@ -69,6 +81,7 @@ impl Records {
             decoding: Decoding::new(workers),
             damaged: HashMap::new(),
             failed: Vec::new(),
+            changed: BTreeSet::new(),
             budgets,
             on_gpu,
         }
@@ -88,10 +101,12 @@ impl Records {
         }
     }
 
-    /// Starts what a plan asks for and gives up what it cancels.
+    /// Starts what a plan asks for and gives up what it cancels; fetches in the order of `upcoming`, also what is not
+    /// asked for yet.
     pub(super) fn follow(
         &mut self,
         plan: &Plan,
+        upcoming: &[Item],
         now: f64,
         btfs: &[Arc<Btf>],
         source: &mut dyn TileSource,
@@ -99,6 +114,79 @@ impl Records {
     ) {
         self.cancel(&plan.cancel, btfs, source, counters);
         self.request(&plan.request, now, btfs, counters);
+        self.arrange(upcoming, btfs);
+        self.abort_stale(btfs, source, counters);
+    }
+
+    /// Brings what is to be submitted into the order of now: first ancestors that others wait for, then `upcoming`. What was
+    /// queued early and is not among it any more is forgotten.
+    fn arrange(&mut self, upcoming: &[Item], btfs: &[Arc<Btf>]) {
+        self.order.clear();
+        self.order.extend(upcoming.iter().copied().zip(1..));
+        self.early.retain(|item| self.order.contains_key(item));
+        let needed = self.needed();
+        let mut queue: Vec<(usize, Item)> = Vec::new();
+        for item in std::mem::take(&mut self.queue) {
+            if needed.contains(&item) {
+                queue.push((0, item));
+            } else if self.wanted.contains_key(&item) {
+                queue.push((self.order.get(&item).copied().unwrap_or(usize::MAX), item));
+            }
+        }
+        let mut early_bytes = 0;
+        for (&item, place) in upcoming.iter().zip(1..) {
+            if self.wanted.contains_key(&item) || needed.contains(&item) {
+                continue;
+            }
+            let bytes = length(item, btfs);
+            early_bytes += bytes;
+            if early_bytes > self.budgets.host_bytes / 4 {
+                break; // The store would drop the first of them for the last.
+            }
+            let comes =
+                self.flying.contains_key(&item) || self.early.contains(&item) || self.store.has_record(item);
+            if bytes > 0 && !comes {
+                queue.push((place, item));
+            }
+        }
+        queue.sort_by_key(|(place, _)| *place);
+        self.queue.extend(queue.into_iter().map(|(_, item)| item));
+    }
+
+    /// Gives up what is in flight early and has lost its place.
+    fn abort_stale(&mut self, btfs: &[Arc<Btf>], source: &mut dyn TileSource, counters: &mut Counters) {
+        let needed = self.needed();
+        let is_stale = |item: &Item| {
+            !self.wanted.contains_key(item) && !self.order.contains_key(item) && !needed.contains(item)
+        };
+        let stale = self.tickets.iter().filter(|(_, item)| is_stale(item));
+        let mut stale: Vec<Ticket> = stale.map(|(ticket, _)| *ticket).collect();
+        stale.sort_unstable();
+        for ticket in stale {
+            self.abort(ticket, btfs, source, counters);
+        }
+    }
+
+    fn abort(
+        &mut self,
+        ticket: Ticket,
+        btfs: &[Arc<Btf>],
+        source: &mut dyn TileSource,
+        counters: &mut Counters,
+    ) {
+        source.cancel(ticket);
+        self.land(ticket, btfs);
+        counters.requests_cancelled += 1;
+    }
+
+    /// Ancestors whose records pending pages wait for.
+    fn needed(&self) -> HashSet<Item> {
+        self.pending.iter().filter_map(|waiting| waiting.needs).collect()
+    }
+
+    /// Whether nobody has asked for an item yet.
+    fn is_early(&self, item: Item) -> bool {
+        !self.wanted.contains_key(&item) && self.order.contains_key(&item)
     }
 
     /// Gives items up.
@@ -141,7 +229,10 @@ impl Records {
                     needs: None,
                 });
             } else if let Some(record) = stored {
-                counters.records_from_host += 1;
+                match self.early.remove(&item) {
+                    true => counters.records_early += 1,
+                    false => counters.records_from_host += 1,
+                }
                 self.pending.push_back(Waiting {
                     pending: Pending::new(item, record, self.on_gpu),
                     needs: None,
@@ -152,21 +243,42 @@ impl Records {
         }
     }
 
-    /// Submits what waits, as far as the source and the bytes in flight allow; one record always.
-    pub(super) fn submit(&mut self, btfs: &[Arc<Btf>], source: &mut dyn TileSource) {
+    /// Submits what waits, as far as the source and the budgets allow; one record always. What is in flight early
+    /// gives way to what is wanted and comes before it in the order.
+    pub(super) fn submit(&mut self, btfs: &[Arc<Btf>], source: &mut dyn TileSource, counters: &mut Counters) {
+        let most = self.budgets.requests_in_flight.min(source.capacity());
         while let Some(&item) = self.queue.front() {
-            let bytes = self.bytes_in_flight + length(item, btfs);
-            if bytes > self.budgets.bytes_in_flight && !self.tickets.is_empty() {
+            let bytes = length(item, btfs);
+            while !self.is_early(item)
+                && !self.has_room(bytes, most)
+                && let Some(last) = self.last_early_behind(item)
+            {
+                self.abort(last, btfs, source, counters);
+            }
+            if !self.has_room(bytes, most) {
                 break;
             }
             let Some(ticket) = source.submit(request(item, btfs)) else {
                 break;
             };
-            self.bytes_in_flight = bytes;
+            self.bytes_in_flight += bytes;
             self.queue.pop_front();
             self.tickets.insert(ticket, item);
             self.flying.insert(item, ticket);
         }
+    }
+
+    fn has_room(&self, bytes: u64, most: usize) -> bool {
+        let fits = self.bytes_in_flight.saturating_add(bytes) <= self.budgets.bytes_in_flight;
+        self.tickets.is_empty() || (self.tickets.len() < most && fits)
+    }
+
+    /// Of what is in flight early the last in the order, if it comes after `item`.
+    fn last_early_behind(&self, item: Item) -> Option<Ticket> {
+        let place = |item: &Item| self.order.get(item).copied();
+        let early = self.tickets.iter().filter(|(_, item)| self.is_early(**item));
+        let (ticket, last) = early.max_by_key(|(_, item)| place(item))?;
+        (place(last) > place(&item)).then_some(*ticket)
     }
 
     fn land(&mut self, ticket: Ticket, btfs: &[Arc<Btf>]) -> Option<Item> {
@@ -187,10 +299,16 @@ impl Records {
         let Some(item) = self.land(answer.ticket, btfs) else {
             return;
         };
+        if self.is_early(item) {
+            self.early.insert(item);
+        }
         let bytes = match answer.bytes {
             Ok(bytes) => bytes,
             Err(error) => {
                 counters.requests_failed += 1;
+                if let Error::Changed { .. } = error {
+                    self.changed.insert(material_of(item));
+                }
                 problems.add(format!("{}: {error}", name(item, btfs)));
                 return self.give_up(item);
             }
@@ -368,6 +486,31 @@ impl Records {
     /// Items that could not be had since the last call.
     pub(super) fn take_failed(&mut self) -> Vec<Item> {
         std::mem::take(&mut self.failed)
+    }
+
+    /// Materials of whose archives the source has said since the last call that they have changed.
+    pub(super) fn take_changed(&mut self) -> BTreeSet<MaterialId> {
+        std::mem::take(&mut self.changed)
+    }
+
+    /// Gives up all that is on its way for a material but not with the decoder yet.
+    pub(super) fn forget(&mut self, material: MaterialId, btfs: &[Arc<Btf>], source: &mut dyn TileSource) {
+        let is_of = |item: &Item| material_of(*item) == material;
+        self.queue.retain(|item| !is_of(item));
+        self.wanted.retain(|item, _| !is_of(item));
+        self.pending.retain(|waiting| !is_of(&waiting.pending.item));
+        self.order.retain(|item, _| !is_of(item));
+        let mut flying: Vec<Ticket> = self
+            .tickets
+            .iter()
+            .filter(|(_, item)| is_of(item))
+            .map(|(ticket, _)| *ticket)
+            .collect();
+        flying.sort_unstable();
+        for ticket in flying {
+            source.cancel(ticket);
+            self.land(ticket, btfs);
+        }
     }
 
     /// Nothing is queued, in flight or waiting.

@@ -81,6 +81,8 @@ pub struct Counters {
     pub requests_cancelled: u64,
     /// Records that the host still had.
     pub records_from_host: u64,
+    /// Records that were here before they were asked for, because what is above their pages was on its way.
+    pub records_early: u64,
     /// Pages that equal their up-sampled parent and were never asked for.
     pub pages_not_stored: u64,
     /// Arrived items that were not worth a slot any more.

@@ -7,6 +7,8 @@
 //!
 //! Source of the border itself: Schwartz, Ruiters, Klein 2013, sections 3 and 7.
 
+use std::collections::HashMap;
+
 use tileset::{BORDER_TEXELS, PAGE_TEXELS, Pyramid, SLOT_TEXELS, Tile};
 
 /// Most texels that [`into`] names: the border of a whole page.
@@ -29,6 +31,39 @@ pub struct Strip {
     pub size: (u32, u32),
     /// Along each axis 1 where the source goes on, 0 where the edge of a clamped mip repeats.
     pub step: (u32, u32),
+}
+
+/// Tiles whose strips are kept: a megabyte of them.
+const MOST_KNOWN: usize = 1 << 10;
+
+/// The strips of tiles that came up lately. All groups, and all materials of one size, have the same, and finding them takes
+/// some microseconds.
+#[derive(Debug, Default)]
+pub struct Known {
+    tiles: HashMap<((u32, u32), bool, Tile), Around>,
+}
+
+/// The strips of a tile.
+#[derive(Debug)]
+pub struct Around {
+    /// Those of [`into`].
+    pub into: Vec<Strip>,
+    /// Those of [`out_of`].
+    pub out_of: Vec<Strip>,
+}
+
+impl Known {
+    /// The strips of a tile.
+    pub fn around(&mut self, pyramid: &Pyramid, tile: Tile) -> &Around {
+        let key = (pyramid.mip_size(0), pyramid.wrap(), tile);
+        if self.tiles.len() >= MOST_KNOWN && !self.tiles.contains_key(&key) {
+            self.tiles.clear();
+        }
+        self.tiles.entry(key).or_insert_with(|| Around {
+            into: into(pyramid, tile),
+            out_of: out_of(pyramid, tile),
+        })
+    }
 }
 
 /// The strips that fill the border of a tile's page, each texel at most once.
@@ -321,6 +356,27 @@ mod tests {
             .map(|strip| (strip.source.x, strip.from.0, strip.to.0, strip.size.0))
             .collect();
         assert_eq!(left, [(0, 65, 0, 3), (1, 4, 3, 1)]);
+    }
+
+    #[test]
+    fn strips_that_are_known_are_those_of_the_tile() {
+        let mut known = Known::default();
+        // More tiles than are kept, and pyramids that share them.
+        for _ in 0..2 {
+            for (width, wrap) in [(2500, true), (2500, false), (2436, true)] {
+                let pyramid = Pyramid::new(width, 900, wrap).unwrap();
+                for tile in pyramid.tiles().filter(|tile| tile.x % 7 < 2) {
+                    let around = known.around(&pyramid, tile);
+                    assert_eq!(around.into, into(&pyramid, tile));
+                    assert_eq!(around.out_of, out_of(&pyramid, tile));
+                }
+                assert!(known.tiles.len() <= MOST_KNOWN);
+            }
+        }
+        for x in 0..3000 {
+            known.around(&Pyramid::new(100, 100, true).unwrap(), Tile { mip: 0, x, y: 0 });
+        }
+        assert!(known.tiles.len() <= MOST_KNOWN);
     }
 
     #[test]

@@ -12,7 +12,7 @@ use tileset::Column;
 use crate::{
     Error, Result,
     angular::{Angular, ROW_TEXELS},
-    gpu::Context,
+    gpu::{Context, uploads::Uploads},
     residency::Slot,
 };
 
@@ -157,10 +157,16 @@ impl ColumnCache {
     }
 
     /// Writes a column in the form that the cache has.
-    pub(super) fn write(&self, context: &Context, slot: Slot, mut quads: Vec<[f16; 4]>) {
+    pub(super) fn write(
+        &self,
+        context: &Context,
+        uploads: &mut Uploads,
+        slot: Slot,
+        mut quads: Vec<[f16; 4]>,
+    ) {
         let (layer, row) = self.rows.place(slot);
         quads.resize((self.rows.slot_bytes() / QUAD_BYTES) as usize, [f16::ZERO; 4]);
-        super::targets::write(
+        uploads.write(
             context,
             &self.texture,
             wgpu::Origin3d {
@@ -169,6 +175,7 @@ impl ColumnCache {
                 z: layer,
             },
             (1 << self.rows.width_shift, self.rows.slot_rows),
+            (texel_bytes(self.rows.angular) as u32) << self.rows.width_shift,
             bytemuck::cast_slice(&quads),
         );
     }

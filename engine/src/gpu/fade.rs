@@ -6,7 +6,7 @@
 
 use std::collections::BTreeMap;
 
-use super::{context::Context, targets};
+use super::{context::Context, targets, uploads::Uploads};
 use crate::residency::Slot;
 
 /// Slots in a row of the texture of weights; see `eigen.wgsl`.
@@ -100,18 +100,26 @@ impl SlotWeights {
         });
         let view = texture.create_view(&Default::default());
         let weights = Self { texture, view };
-        weights.write(context, fade);
+        let (size, bytes) = weights.contents(fade);
+        targets::write(
+            context,
+            &weights.texture,
+            wgpu::Origin3d::ZERO,
+            size,
+            ROW * 4,
+            bytes,
+        );
         weights
     }
 
-    pub(super) fn write(&self, context: &Context, fade: &Fade) {
-        targets::write(
-            context,
-            &self.texture,
-            wgpu::Origin3d::ZERO,
-            (self.texture.width(), self.texture.height()),
-            bytemuck::cast_slice(fade.weights()),
-        );
+    pub(super) fn write(&self, context: &Context, uploads: &mut Uploads, fade: &Fade) {
+        let (size, bytes) = self.contents(fade);
+        uploads.write(context, &self.texture, wgpu::Origin3d::ZERO, size, ROW * 4, bytes);
+    }
+
+    fn contents<'a>(&self, fade: &'a Fade) -> ((u32, u32), &'a [u8]) {
+        let size = (self.texture.width(), self.texture.height());
+        (size, bytemuck::cast_slice(fade.weights()))
     }
 
     pub(super) fn bytes(&self) -> u64 {

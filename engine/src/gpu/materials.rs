@@ -8,7 +8,7 @@ use scenes::{Material, Surface};
 use shaders::mirror;
 use tileset::{Column, Manifest, Pyramid, archive::Index};
 
-use super::{column_cache::with_ambient, page_table::Region};
+use super::{column_cache::with_ambient, page_format::PageFormat, page_table::Region};
 use crate::{
     Error, Result,
     angular::{Angular, Hemisphere, Triangulation, map_side, map_texels},
@@ -29,6 +29,8 @@ pub struct Btf {
     pub ambient_weights: Vec<f64>,
     /// What its columns are in the cache.
     pub angular: Angular,
+    /// What its pages are in theirs.
+    pub page_format: PageFormat,
     /// Made when it is needed.
     hemisphere: OnceLock<Hemisphere>,
 }
@@ -50,6 +52,7 @@ impl Btf {
             lights: triangulated_lights,
             ambient_weights,
             angular: Angular::default(),
+            page_format: PageFormat::default(),
             hemisphere: OnceLock::new(),
             index,
         }

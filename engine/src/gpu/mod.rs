@@ -5,9 +5,10 @@
 //! picture), [`shade`] (one workgroup for a tile and a material), [`tonemap`]; and in the
 //! page cache [`decode`], which makes pages of coefficients, and [`stitch`], which copies borders ([`borders`]). What they share lies in three bind groups: the scene (group 0: camera, [`geometry`],
 //! materials), the caches (group 1: [`page_table`], [`page_cache`], [`column_cache`], directions) and what a pass reads
-//! and writes (group 2). [`Renderer`] owns all of it: `look` has what draws ids and asks for votes, `outputs` what reads
+//! and writes (group 2). [`Renderer`] owns all of it: `look` has what draws ids and asks for votes, `placing` what fills the caches, `outputs` what reads
 //! back. [`cutoff`] says which component groups matter, [`fade`] how new pages come in, [`page_format`] what a texel of the page
-//! cache is. `resident` is what measurements compare with: the same without a page table. Nothing here decides what is
+//! cache is. `uploads` brings texels into both caches, `kept` shows the old page cache while
+//! one of another format fills. `resident` is what measurements compare with: the same without a page table. Nothing here decides what is
 //! resident. Meshes and lights may hold anything: what then is drawn is written down in `finite.wgsl`.
 //!
 //! Stays within the default limits of WebGPU: 4 bind groups, 8 storage buffers in a stage, 128 MiB bindings. Only
@@ -24,12 +25,14 @@ pub mod fade;
 pub mod feedback;
 pub mod geometry;
 mod growing;
+mod kept;
 mod look;
 pub mod materials;
 mod outputs;
 pub mod page_cache;
 pub mod page_format;
 pub mod page_table;
+mod placing;
 mod readback;
 mod renderer;
 mod resident;
@@ -40,6 +43,7 @@ pub mod stitch;
 mod targets;
 mod timers;
 pub mod tonemap;
+mod uploads;
 mod view;
 pub mod visibility;
 
@@ -49,4 +53,5 @@ pub use page_format::PageFormat;
 pub use renderer::Renderer;
 pub use resources::{Caches, Layout, Shading};
 pub use shade::ShadingWork;
+pub use slot_scales::Rounded;
 pub use timers::GpuMilliseconds;

@@ -3,7 +3,7 @@
 use glam::{UVec2, Vec2};
 use tileset::SLOT_TEXELS;
 
-use super::page_format::PageFormat;
+use super::{page_format::PageFormat, uploads::Uploads};
 use crate::{Error, Result, gpu::Context, residency::Slot};
 
 /// Bytes of a slot of half floats.
@@ -166,13 +166,21 @@ impl PageCache {
         }
     }
 
-    /// Writes the texels of a slot, as bytes of the format.
-    pub(super) fn write(&self, context: &Context, slot: Slot, texels: &[u8]) {
-        super::targets::write(
+    /// Writes the first columns and rows of a slot; `texels` are those of all of it, as bytes of the format.
+    pub(super) fn write(
+        &self,
+        context: &Context,
+        uploads: &mut Uploads,
+        slot: Slot,
+        size: (u32, u32),
+        texels: &[u8],
+    ) {
+        uploads.write(
             context,
             &self.texture,
             origin_3d(self.grid.address(slot)),
-            (SLOT_TEXELS, SLOT_TEXELS),
+            size,
+            self.format.slot_bytes() as u32 / SLOT_TEXELS,
             texels,
         );
     }

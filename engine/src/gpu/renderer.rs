@@ -1,23 +1,25 @@
 //! The GPU side of one scene: in which order buffers, caches and passes are used.
 
-use half::f16;
 use scenes::Scene;
 use shaders::mirror;
-use tileset::{Page, PageId, codec::pyramid_dct::Coefficients};
+use tileset::PageId;
 
 use super::{
+    borders::Known,
     context::Context,
-    decode::{self, Decode, Waiting},
+    decode::{Decode, Waiting},
     geometry::Geometry,
+    kept::Kept,
     materials::Btf,
-    page_format::{self, PageFormat},
+    page_format::PageFormat,
     readback,
     resident::Resident,
     resources::{Caches, Groups, Layout, Materials, Passes, Shading},
     shade::{Shade, ShadingWork, Textures},
-    stitch::{self, Stitch},
+    stitch::Stitch,
     targets::{Targets, WORK_HEADER_BYTES},
     timers::{Pass, Timers},
+    uploads::Uploads,
     view,
 };
 use crate::{Result, residency::Slot};
@@ -36,15 +38,20 @@ pub struct Renderer {
     pub(super) materials: Materials,
     pub(super) groups: Groups,
     pub(super) timers: Option<Timers>,
+    pub(super) uploads: Uploads,
     /// What decodes pages; made when the first one comes.
     pub(super) decode: Option<Decode>,
     pub(super) waiting: Vec<Waiting>,
     /// Pages whose borders are to be stitched, by BTF.
     pub(super) placed: Vec<(usize, PageId)>,
+    /// Where their borders come from.
+    pub(super) known_borders: Known,
     /// What there is to shade is known.
     pub(super) classified: bool,
     /// Weights of slots are below one, as they were written last.
-    fading: bool,
+    pub(super) fading: bool,
+    /// The page cache that is shown while another one fills.
+    pub(super) kept: Option<Kept>,
     /// What measurements compare with.
     pub(super) resident: Option<Resident>,
 }
@@ -72,6 +79,7 @@ impl Renderer {
         let frames = [&frame_buffer, &ahead_frame_buffer];
         let groups = Groups::new(&context, &passes, &targets, &geometry, &materials, frames);
         let timers = Timers::new(&context);
+        let uploads = Uploads::new(&context);
         context.check()?;
         Ok(Self {
             context,
@@ -85,11 +93,14 @@ impl Renderer {
             materials,
             groups,
             timers,
+            uploads,
             decode: None,
             waiting: Vec::new(),
             placed: Vec::new(),
+            known_borders: Known::default(),
             classified: false,
             fading: false,
+            kept: None,
             resident: None,
         })
     }
@@ -105,6 +116,7 @@ impl Renderer {
     /// # Errors
     /// [`crate::Error::Budget`] if tables would exceed the adapter; then all stays as it is.
     pub fn add_btf(&mut self, btf: &Btf) -> Result<()> {
+        self.show_filled();
         self.materials.add(&self.context, btf)
     }
 
@@ -132,7 +144,7 @@ impl Renderer {
 
     /// Replaces the caches. Pages and columns that stay move from slot to slot on the GPU; all others must have been
     /// removed, and all pages or columns where those become something else. Old and new caches are both in memory until the copies
-    /// are done.
+    /// are done; where the format of pages changes until [`Renderer::show_filled`], because the old one is drawn until then.
     ///
     /// # Errors
     /// [`crate::Error::Adapter`] if the device fails.
@@ -145,7 +157,7 @@ impl Renderer {
         let old = self.materials.layout();
         if layout != old {
             // Slots are about to move.
-            self.decode_waiting();
+            self.fill_slots();
             if layout.columns.angular != old.columns.angular {
                 let Passes { scene, caches, .. } = &self.passes;
                 self.passes.shade = Shade::new(
@@ -159,7 +171,15 @@ impl Renderer {
             if layout.page_format != old.page_format {
                 self.passes.stitch = Stitch::new(&self.context, layout.page_format)?;
             }
-            self.materials.resize(&self.context, layout, pages, columns);
+            let replaced = self.materials.resize(&self.context, layout, pages, columns);
+            if layout.columns != old.columns {
+                self.kept = None;
+            } else if let Some(slots) = replaced
+                && layout.page_format != old.page_format
+                && self.kept.is_none()
+            {
+                self.keep(slots);
+            }
             self.bind();
         }
         self.context.check()
@@ -175,7 +195,7 @@ impl Renderer {
         self.context.check()
     }
 
-    fn bind(&mut self) {
+    pub(super) fn bind(&mut self) {
         self.groups = Groups::new(
             &self.context,
             &self.passes,
@@ -187,6 +207,7 @@ impl Renderer {
         self.classified = false;
         self.resident = None;
         let Materials { pages, columns, .. } = &self.materials;
+        let pages = self.kept.as_ref().map_or(pages, |kept| &kept.slots.pages);
         self.frame.page_scale = pages.scale();
         self.frame.scaled = (pages.format == PageFormat::Byte).into();
         self.frame.slot_columns = pages.grid.columns;
@@ -219,168 +240,11 @@ impl Renderer {
             + self.targets.bytes()
             + self.passes.feedback.bytes()
             + self.passes.stitch.bytes()
+            + self.kept.as_ref().map_or(0, Kept::bytes)
+            + self.uploads.bytes()
             + self.decode.as_ref().map_or(0, Decode::bytes)
             + self.materials.bytes()
             + self.resident.as_ref().map_or(0, Resident::bytes)
-    }
-
-    /// Writes a page into a slot and enters it into the page table. What its border holds counts only where a
-    /// neighbour is missing, and at the outer sides of a clamped mip.
-    pub fn place_page(&mut self, btf: usize, page: PageId, slot: Slot, texels: &Page) {
-        let Materials {
-            pages,
-            page_table,
-            fade,
-            slot_scales,
-            ..
-        } = &mut self.materials;
-        page_table.insert(btf, page, pages.grid.address(slot));
-        match pages.format {
-            PageFormat::Half => pages.write(&self.context, slot, bytemuck::cast_slice(&texels.texels)),
-            PageFormat::Byte => {
-                let floats = page_format::floats(texels);
-                let size = page_table.pyramid(btf).payload(page.tile);
-                let strips = stitch::strips_into(page_table, btf, page);
-                let bytes = slot_scales.place(pages.grid, slot, &floats, size, &strips);
-                pages.write(&self.context, slot, bytemuck::cast_slice(&bytes));
-            }
-        }
-        fade.start(slot);
-        self.placed.push((btf, page));
-    }
-
-    /// The same for a page that the GPU decodes, at the next [`Renderer::flush`]. Its parent must be resident; without it
-    /// debug builds panic, and others leave the page out, so that coarser ones show in its place.
-    ///
-    /// # Errors
-    /// [`crate::Error::Adapter`] if there are no passes to decode with, [`crate::Error::Budget`] if the adapter has no room for their
-    /// buffers.
-    ///
-    /// [`crate::Error::Adapter`]: crate::Error::Adapter
-    /// [`crate::Error::Budget`]: crate::Error::Budget
-    pub fn place_coefficients(
-        &mut self,
-        btf: usize,
-        page: PageId,
-        slot: Slot,
-        coefficients: Coefficients,
-    ) -> Result<()> {
-        if self.decode.is_none() {
-            self.decode = Some(Decode::new(&self.context)?);
-        }
-        let Materials {
-            pages,
-            page_table,
-            fade,
-            ..
-        } = &mut self.materials;
-        let parent = decode::parent(page_table, btf, page);
-        debug_assert!(
-            parent.is_some(),
-            "BTF {btf}: {page} is placed, but its parent is not resident"
-        );
-        if parent.is_some() {
-            let address = pages.grid.address(slot);
-            page_table.insert(btf, page, address);
-            fade.start(slot);
-            self.placed.push((btf, page));
-            self.waiting.push(Waiting {
-                btf,
-                page,
-                address,
-                coefficients,
-            });
-        }
-        Ok(())
-    }
-
-    fn decode_waiting(&mut self) {
-        let waiting = std::mem::take(&mut self.waiting);
-        let Materials {
-            pages, page_table, ..
-        } = &self.materials;
-        if let Some(decode) = &self.decode {
-            decode.run(&self.context, pages, page_table, waiting, self.timers.as_mut());
-        }
-    }
-
-    /// Takes a page out of the page table.
-    pub fn remove_page(&mut self, btf: usize, page: PageId) {
-        self.materials.page_table.remove(btf, page);
-    }
-
-    /// Writes a column, in the [form](Btf::cached_column) that the cache has, into a slot and enters it into the page
-    /// table. Before it the group's root was worth nothing: it comes in now.
-    pub fn place_column(&mut self, btf: usize, group: u16, slot: Slot, quads: Vec<[f16; 4]>) {
-        let Materials {
-            pages,
-            columns,
-            page_table,
-            fade,
-            ..
-        } = &mut self.materials;
-        columns.write(&self.context, slot, quads);
-        page_table.set_column(btf, group, Some(columns.rows.address(slot)));
-        let tile = page_table.pyramid(btf).root();
-        if let Some(address) = page_table.page(btf, PageId { group, tile }) {
-            fade.start(pages.grid.slot(address));
-        }
-    }
-
-    /// Takes a column out of the page table.
-    pub fn remove_column(&mut self, btf: usize, group: u16) {
-        self.materials.page_table.set_column(btf, group, None);
-    }
-
-    /// Whether pages are on their way in: the next [`Renderer::flush`] changes the picture.
-    pub fn fading(&self) -> bool {
-        self.materials.fade.active()
-    }
-
-    /// Once a frame: lets new pages fade in and writes what has changed in the page table. Returns the strips that are to be
-    /// stitched.
-    pub fn flush(&mut self) -> Vec<mirror::Strip> {
-        let Materials {
-            page_table,
-            page_table_buffer,
-            fade,
-            slot_weights,
-            slot_scales,
-            raised,
-            pages,
-            ..
-        } = &mut self.materials;
-        if fade.step() {
-            slot_weights.write(&self.context, fade);
-        }
-        self.fading = fade.active();
-        let queue = &self.context.queue;
-        page_table.flush(|first, entries| {
-            queue.write_buffer(
-                &page_table_buffer.buffer,
-                first as u64 * 4,
-                bytemuck::cast_slice(entries),
-            );
-        });
-        let mut strips = stitch::strips(page_table, std::mem::take(&mut self.placed));
-        if pages.format == PageFormat::Byte {
-            raised.extend(slot_scales.fit(pages.grid, &mut strips));
-            slot_scales.flush(&self.context);
-        }
-        strips
-    }
-
-    /// Decodes the pages that were placed as coefficients, and stitches the borders between the pages placed before the last
-    /// [`Renderer::flush`] and all that are resident. Returns how many texels stitching took: at most [`MOST_INTO`] + [`MOST_OUT`] a page placed.
-    ///
-    /// [`MOST_INTO`]: super::borders::MOST_INTO
-    /// [`MOST_OUT`]: super::borders::MOST_OUT
-    pub fn stitch(&mut self, strips: &[mirror::Strip]) -> u64 {
-        self.decode_waiting();
-        let raised = std::mem::take(&mut self.materials.raised);
-        let (stitch, groups) = (&self.passes.stitch, &self.groups.stitch);
-        stitch.run(&self.context, groups, &raised, None);
-        stitch.run(&self.context, groups, strips, self.timers.as_mut())
     }
 
     /// Shades and maps tones; `exposure` is a factor.
@@ -395,6 +259,7 @@ impl Renderer {
     pub(super) fn encode_picture(&mut self, resident: Option<&Resident>) {
         let mut encoder = self.context.device.create_command_encoder(&Default::default());
         let (size, groups) = (self.targets.size, &self.groups);
+        let caches = self.kept.as_ref().map_or(&groups.caches, |kept| &kept.caches);
         if !self.classified {
             self.targets.clear_work(&self.context.queue);
             let timestamps = self.timers.as_mut().map(|timers| timers.compute(Pass::Classify));
@@ -405,9 +270,10 @@ impl Renderer {
         let timestamps = self.timers.as_mut().map(|timers| timers.compute(Pass::Shade));
         let (shade, bound) = match resident {
             Some(resident) => resident.shade(),
-            None => (&self.passes.shade, [&groups.scene, &groups.caches, &groups.shade]),
+            None => (&self.passes.shade, [&groups.scene, caches, &groups.shade]),
         };
-        shade.encode(&mut encoder, &self.targets, bound, self.fading, timestamps);
+        let fading = self.fading && self.kept.is_none();
+        shade.encode(&mut encoder, &self.targets, bound, fading, timestamps);
         let timestamps = self.timers.as_mut().map(|timers| timers.compute(Pass::Tonemap));
         let bound = [&groups.scene, &groups.caches, &groups.tonemap];
         self.passes.tonemap.encode(&mut encoder, size, bound, timestamps);

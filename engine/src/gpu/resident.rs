@@ -104,6 +104,7 @@ impl Renderer {
         btf_of: &[Option<usize>],
     ) -> Result<()> {
         self.resident = None;
+        self.show_filled();
         if self.materials.pages.format != PageFormat::Half {
             return Err(Error::Budget(
                 "frames with all pages resident are measured with pages of half floats: choose that format"
@@ -155,7 +156,15 @@ impl Renderer {
         let shade = Shade::new(context, scene, caches, rows.angular, Textures::Resident)?;
         let groups = [
             Groups::scene(context, &self.passes, &self.frame_buffer, &self.geometry, &table),
-            Groups::caches(context, &self.passes, &self.materials, &pages),
+            Groups::caches(
+                context,
+                &self.passes,
+                &self.materials.page_table_buffer.buffer,
+                &self.materials.directions.buffer,
+                &pages,
+                &self.materials.slot_weights,
+                &self.materials.slot_scales,
+            ),
             shade.bind(context, &self.targets, &columns),
         ];
         Ok(Resident {

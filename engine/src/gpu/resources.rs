@@ -13,6 +13,7 @@ use super::{
     feedback::Feedback,
     geometry::Geometry,
     growing::{self, Growing},
+    kept::Slots,
     materials::{Btf, Tables},
     page_cache::{Grid, PageCache},
     page_format::PageFormat,
@@ -254,29 +255,34 @@ impl Materials {
 
     /// Makes caches of another layout and moves there, on the GPU, what stays: pages and columns from slot to slot. The
     /// page table must name only those. A cache whose layout stays is left alone; in it nothing moves. Where pages or columns
-    /// become something else, none stay.
+    /// become something else, none stay. Returns the old slots if they were replaced.
     pub(super) fn resize(
         &mut self,
         context: &Context,
         layout: Layout,
         pages: &[(Slot, Slot)],
         columns: &[(Slot, Slot)],
-    ) {
+    ) -> Option<Slots> {
         let old = self.layout();
+        let mut replaced = None;
         let mut encoder = context.device.create_command_encoder(&Default::default());
         if (layout.pages, layout.page_format) != (old.pages, old.page_format) {
             let resized = PageCache::new(context, layout.pages, layout.page_format);
             if layout.page_format == old.page_format {
                 resized.copy_from(&mut encoder, &self.pages, pages);
             }
-            self.pages = resized;
             let scaled = match layout.page_format {
                 PageFormat::Half => 0,
                 PageFormat::Byte => layout.pages.slots(),
             };
-            self.slot_scales = self.slot_scales.moved(context, scaled, pages);
+            let scales = self.slot_scales.moved(context, scaled, pages);
             self.fade = self.fade.moved(layout.slots().0, pages.iter().copied());
-            self.slot_weights = SlotWeights::new(context, &self.fade);
+            let weights = SlotWeights::new(context, &self.fade);
+            replaced = Some(Slots {
+                pages: std::mem::replace(&mut self.pages, resized),
+                weights: std::mem::replace(&mut self.slot_weights, weights),
+                scales: std::mem::replace(&mut self.slot_scales, scales),
+            });
         }
         if layout.columns != old.columns {
             let resized = ColumnCache::new(context, layout.columns);
@@ -297,6 +303,7 @@ impl Materials {
                     .address(column_to[old.columns.slot(address).0 as usize])
             },
         );
+        replaced
     }
 
     pub(super) fn layout(&self) -> Layout {
@@ -343,7 +350,15 @@ impl Groups {
         Self {
             scene: scene(frame),
             ahead_scene: scene(ahead_frame),
-            caches: Self::caches(context, passes, materials, &materials.pages),
+            caches: Self::caches(
+                context,
+                passes,
+                &materials.page_table_buffer.buffer,
+                &materials.directions.buffer,
+                &materials.pages,
+                &materials.slot_weights,
+                &materials.slot_scales,
+            ),
             feedback: passes.feedback.bind(context, &targets.ids),
             ahead_feedback: passes.feedback.bind(context, &targets.ahead),
             classify: passes.classify.bind(context, targets),
@@ -373,21 +388,24 @@ impl Groups {
         bind::group(context, "scene", &passes.scene, &resources)
     }
 
-    /// The tables with a cache of pages.
+    /// Page table and directions with a cache of pages.
     pub(super) fn caches(
         context: &Context,
         passes: &Passes,
-        materials: &Materials,
+        table: &wgpu::Buffer,
+        directions: &wgpu::Buffer,
         pages: &PageCache,
+        weights: &SlotWeights,
+        scales: &SlotScales,
     ) -> wgpu::BindGroup {
         use wgpu::BindingResource::{Sampler, TextureView};
         let resources = [
-            materials.page_table_buffer.buffer.as_entire_binding(),
-            materials.directions.buffer.as_entire_binding(),
+            table.as_entire_binding(),
+            directions.as_entire_binding(),
             TextureView(&pages.view),
             Sampler(&pages.sampler),
-            TextureView(&materials.slot_weights.view),
-            TextureView(&materials.slot_scales.view),
+            TextureView(&weights.view),
+            TextureView(&scales.view),
         ];
         bind::group(context, "caches", &passes.caches, &resources)
     }

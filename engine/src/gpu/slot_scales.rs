@@ -4,18 +4,21 @@
 //! borders are stitched from those, and a clamped border would show as a seam. A neighbour that comes later with larger
 //! values raises the scale; then the texels are rounded once more, on the GPU, which the error of the slot counts.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    sync::Arc,
+};
 
 use glam::{UVec2, Vec4};
 use half::f16;
 use shaders::mirror;
-use tileset::{BORDER_TEXELS, SLOT_AREA, SLOT_TEXELS};
+use tileset::{BORDER_TEXELS, Page, SLOT_AREA, SLOT_TEXELS};
 
 use super::{
     context::Context,
     page_cache::{self, Grid},
     page_format::{self, rounding_mse},
-    targets,
+    uploads::Uploads,
 };
 use crate::residency::Slot;
 
@@ -39,6 +42,31 @@ struct Held {
     largest: Scale,
     /// Mean squared error of what rounding has done, summed over components.
     mse: f64,
+}
+
+/// A page that has been rounded by itself, by whoever has time for that: where no neighbour is stronger, its bytes are used as they are.
+pub struct Rounded {
+    page: Arc<Page>,
+    held: Held,
+    bytes: Vec<i8>,
+}
+
+impl Rounded {
+    /// Bytes that it takes beside the page.
+    pub const BYTES: u64 = SLOT_AREA as u64 * 4;
+
+    /// Rounds a page with a payload of this size.
+    pub fn new(page: Arc<Page>, size: (u32, u32)) -> Self {
+        let floats = page_format::floats(&page);
+        let held = held(&floats, size.into());
+        let bytes = page_format::bytes(&floats, held.scale);
+        Self { page, held, bytes }
+    }
+
+    /// The page as it was.
+    pub fn page(&self) -> &Page {
+        &self.page
+    }
 }
 
 /// The scales on the host and on the GPU.
@@ -90,17 +118,16 @@ impl SlotScales {
         moved
     }
 
-    /// Takes a new page, with the texels of its slot, four floats each, and the size of its payload; `strips` are those
-    /// that are going to fill its border. Returns its bytes.
+    /// Takes a new page; `strips` are those that are going to fill its border. Returns its bytes, rounded again where neighbours
+    /// bring more than the page itself has.
     pub(super) fn place(
         &mut self,
         grid: Grid,
         slot: Slot,
-        floats: &[f32],
-        size: (u32, u32),
+        rounded: Rounded,
         strips: &[mirror::Strip],
     ) -> Vec<i8> {
-        let mut held = held(floats, size.into());
+        let mut held = rounded.held;
         // What is behind a wrapped edge may be the page itself.
         self.slots[slot.0 as usize] = held;
         for strip in strips {
@@ -109,7 +136,10 @@ impl SlotScales {
         held.mse = held.scale.into_iter().map(rounding_mse).sum();
         self.slots[slot.0 as usize] = held;
         self.changed_rows.insert(slot.0 / ROW);
-        page_format::bytes(floats, held.scale)
+        if held.scale == rounded.held.scale {
+            return rounded.bytes;
+        }
+        page_format::bytes(&page_format::floats(&rounded.page), held.scale)
     }
 
     /// Gives strips the ratios of the scales at their ends. Where a strip brings more than its destination holds, the
@@ -170,16 +200,17 @@ impl SlotScales {
     }
 
     /// Writes what has changed.
-    pub(super) fn flush(&mut self, context: &Context) {
+    pub(super) fn flush(&mut self, context: &Context, uploads: &mut Uploads) {
         for row in std::mem::take(&mut self.changed_rows) {
             let first = (row * ROW) as usize;
             let slots = &self.slots[first..self.slots.len().min(first + ROW as usize)];
             let scales: Vec<Scale> = slots.iter().map(|held| held.scale).collect();
-            targets::write(
+            uploads.write(
                 context,
                 &self.texture,
                 wgpu::Origin3d { x: 0, y: row, z: 0 },
                 (scales.len() as u32, 1),
+                size_of_val(&*scales) as u32,
                 bytemuck::cast_slice(&scales),
             );
         }

@@ -17,7 +17,7 @@ use crate::{
     gpu::{
         Context,
         bind::{self, Binding},
-        borders::{self, Strip},
+        borders::{Known, Strip},
         page_cache::{self, PageCache},
         page_format::PageFormat,
         page_table::PageTable,
@@ -35,7 +35,7 @@ const ROUND_STRIPS: usize = 1 << 10;
 /// in the cache: each strip once, in an order that follows from the pages alone.
 ///
 /// `placed` may hold pages that are gone again, or twice.
-pub fn strips(table: &PageTable, mut placed: Vec<(usize, PageId)>) -> Vec<mirror::Strip> {
+pub fn strips(table: &PageTable, known: &mut Known, mut placed: Vec<(usize, PageId)>) -> Vec<mirror::Strip> {
     placed.sort_unstable();
     placed.dedup();
     placed.retain(|&(btf, page)| table.page(btf, page).is_some());
@@ -47,9 +47,10 @@ pub fn strips(table: &PageTable, mut placed: Vec<(usize, PageId)>) -> Vec<mirror
             tile,
         };
         // What a new page takes covers what new pages give each other.
-        let given = borders::out_of(&pyramid, page.tile).into_iter();
+        let around = known.around(&pyramid, page.tile);
+        let given = around.out_of.iter();
         let given = given.filter(|strip| placed.binary_search(&(btf, here(strip.destination))).is_err());
-        for strip in borders::into(&pyramid, page.tile).into_iter().chain(given) {
+        for &strip in around.into.iter().chain(given) {
             let source = table.page(btf, here(strip.source));
             let destination = table.page(btf, here(strip.destination));
             if let (Some(source), Some(destination)) = (source, destination) {
@@ -61,9 +62,14 @@ pub fn strips(table: &PageTable, mut placed: Vec<(usize, PageId)>) -> Vec<mirror
 }
 
 /// The strips that fill the border of a resident page, from all that are resident.
-pub(super) fn strips_into(table: &PageTable, btf: usize, page: PageId) -> Vec<mirror::Strip> {
-    let strips = borders::into(&table.pyramid(btf), page.tile).into_iter();
-    let packed = strips.filter_map(|strip| {
+pub(super) fn strips_into(
+    table: &PageTable,
+    known: &mut Known,
+    btf: usize,
+    page: PageId,
+) -> Vec<mirror::Strip> {
+    let strips = known.around(&table.pyramid(btf), page.tile).into.iter();
+    let packed = strips.filter_map(|&strip| {
         let address = |tile| table.page(btf, PageId { tile, ..page });
         Some(pack(strip, address(strip.source)?, address(strip.destination)?))
     });
@@ -270,7 +276,8 @@ mod tests {
             (1, page(0, 0, 1)),
             (1, page(0, 1, 1)),
         ];
-        let strips = strips(&table, all.clone());
+        let mut known = Known::default();
+        let strips = strips(&table, &mut known, all.clone());
         // Each of the four has three of its eight neighbours.
         assert_eq!((strips.len(), places(&strips).len()), (12, 12));
         assert!(
@@ -280,16 +287,16 @@ mod tests {
         );
         // Told twice, or of a page that is gone, the same.
         let again = [all, vec![(1, page(0, 0, 0)), (1, page(0, 3, 3))]].concat();
-        assert_eq!(super::strips(&table, again).len(), 12);
+        assert_eq!(super::strips(&table, &mut known, again).len(), 12);
         // The last of them alone: takes three, gives three.
-        let last = super::strips(&table, vec![(1, page(0, 1, 1))]);
+        let last = super::strips(&table, &mut known, vec![(1, page(0, 1, 1))]);
         assert_eq!(last.len(), 6);
         assert_eq!(
             last.iter().filter(|strip| strip.destination.x / 72 == 3).count(),
             3
         );
         table.remove(1, page(0, 1, 1));
-        assert!(super::strips(&table, vec![(1, page(0, 1, 1))]).is_empty());
+        assert!(super::strips(&table, &mut known, vec![(1, page(0, 1, 1))]).is_empty());
     }
 
     #[test]

@@ -177,12 +177,13 @@ pub(super) fn layers_view(texture: &wgpu::Texture) -> wgpu::TextureView {
     })
 }
 
-/// Writes texels into a rectangle of a layer.
+/// Writes texels into a rectangle of a layer; rows are so many bytes apart.
 pub(super) fn write(
     context: &Context,
     texture: &wgpu::Texture,
     origin: wgpu::Origin3d,
     (width, height): (u32, u32),
+    row_bytes: u32,
     bytes: &[u8],
 ) {
     context.queue.write_texture(
@@ -195,7 +196,7 @@ pub(super) fn write(
         bytes,
         wgpu::TexelCopyBufferLayout {
             offset: 0,
-            bytes_per_row: Some(width * texture.format().block_copy_size(None).unwrap_or(8)),
+            bytes_per_row: Some(row_bytes),
             rows_per_image: None,
         },
         wgpu::Extent3d {

@@ -36,6 +36,7 @@ pub(super) struct Material {
     groups: Vec<Group>,
     /// Sum over the groups.
     missing: f64,
+    retired: bool,
 }
 
 impl Material {
@@ -86,6 +87,7 @@ impl Material {
             wanted: Default::default(),
             groups: (0..groups).map(|_| Group::default()).collect(),
             missing: 0.0,
+            retired: false,
             pyramid,
         }
     }
@@ -95,8 +97,14 @@ impl Material {
         !self.wanted[Class::Now as usize].is_empty()
     }
 
+    /// Whether votes for a tile count.
     pub(super) fn has_tile(&self, tile: u32) -> bool {
-        tile < self.tiles
+        tile < self.tiles && !self.retired
+    }
+
+    /// Lets no vote count any more, or lets them again.
+    pub(super) fn set_retired(&mut self, retired: bool) {
+        self.retired = retired;
     }
 
     pub(super) fn groups(&self) -> &[Group] {
@@ -120,6 +128,19 @@ impl Material {
             Item::Column(_, group) => self.column_bytes.get(usize::from(group)),
         };
         bytes.copied().unwrap_or(0).into()
+    }
+
+    /// Bytes of an item's record; of a root or a column those of both, as far as they are not resident: neither is worth
+    /// anything without the other.
+    pub(super) fn opening_bytes(&self, item: Item) -> u64 {
+        let tile = self.pyramid.root();
+        let other = match item {
+            Item::Column(material, group) => Item::Page(material, PageId { group, tile }),
+            Item::Page(material, page) if page.tile == tile => Item::Column(material, page.group),
+            Item::Page(..) => return self.bytes(item),
+        };
+        let missing = self.slot(other).is_none();
+        self.bytes(item) + if missing { self.bytes(other) } else { 0 }
     }
 
     /// Whether these are the votes already.
@@ -315,7 +336,7 @@ impl Material {
         }
     }
 
-    fn page_rank(&self, group: usize, tile: u32, pin: bool) -> Rank {
+    pub(super) fn page_rank(&self, group: usize, tile: u32, pin: bool) -> Rank {
         self.rank_of(group, tile, self.page_worth(group, tile, pin))
     }
 
@@ -420,16 +441,28 @@ impl Material {
         if slots[0] == NONE {
             each(0);
         }
-        if at.column_slot == NONE {
-            return;
+        if at.column_slot != NONE {
+            self.for_each_below_residents(group, each);
         }
-        for &tile in &at.residents {
-            for &child in &self.children[tile as usize] {
-                if child != NONE && slots[child as usize] == NONE {
+    }
+
+    /// Tiles of the pages right below resident ones, with the column or without.
+    pub(super) fn for_each_below_residents(&self, group: usize, mut each: impl FnMut(u32)) {
+        let slots = self.page_slots(group);
+        for &tile in &self.groups[group].residents {
+            self.for_each_child(tile, |child| {
+                if slots[child as usize] == NONE {
                     each(child);
                 }
-            }
+            });
         }
+    }
+
+    pub(super) fn for_each_child(&self, tile: u32, mut each: impl FnMut(u32)) {
+        let children = self.children[tile as usize].iter();
+        children
+            .filter(|child| **child != NONE)
+            .for_each(|&child| each(child));
     }
 
     /// Ranks of all columns that are wanted and not resident.

@@ -9,6 +9,7 @@
 //! - `wanted`: tiles that votes want. `value`: values of pages that never grow from a page to its children.
 //! - `material`: votes, values and slots of one material. `group`: what is known of one of its component groups.
 //! - `pool`: the slots of one cache, and who gives way.
+//! - `order`: what is best fetched first, and what will be asked for next.
 //! - `update`: from votes to requests. `arrival`: from answers to placements. `limits`: budgets that change.
 //!
 //! # The resident set is closed
@@ -52,6 +53,18 @@
 //! margin than the page that would give way for it. So columns do not fill up with groups of which no page would ever
 //! be there, however many slots they have.
 //!
+//! # The order of records
+//!
+//! Slots are all of one size, records are not. Who gets a slot follows from values alone; what is asked for first, among those
+//! that get one, is what lowers the predicted error most per byte of its record: a greedy schedule of the wire (Smith: Various
+//! Optimizers for Single-Stage Production, 1956). A column and its root are worth nothing without each other, so
+//! each counts the value of the root over the bytes of both. What costs no bytes comes first, and pins before all.
+//!
+//! A page is asked for under a resident parent, so by itself a chain of pages would take a round trip each. But
+//! what will be asked for next is known: [`Residency::upcoming`] walks down from what is resident and in flight, best page first,
+//! counts slots as the update does, and names the pages in the order of their error per byte, parents before
+//! children. Records of these can be fetched meanwhile; nothing is placed before its parent all the same.
+//!
 //! # Votes ahead
 //!
 //! A second set of votes says what may be seen soon. It makes ranks of a lower class: it counts only for items
@@ -90,6 +103,7 @@ mod group;
 mod items;
 mod limits;
 mod material;
+mod order;
 mod pool;
 mod rank;
 mod update;
@@ -200,6 +214,28 @@ impl Residency {
             self.unsettled = true;
         }
         id
+    }
+
+    /// Lets votes for a material count for nothing from now on (`true`), or lets them count again. What of it is in flight is
+    /// so no more; what is resident stays until its place is needed.
+    pub fn set_retired(&mut self, material: MaterialId, retired: bool) {
+        let Some(at) = self.materials.get_mut(usize::from(material.0)) else {
+            return;
+        };
+        at.set_retired(retired);
+        self.unsettled = true;
+        if retired {
+            let in_flight = std::mem::take(&mut self.in_flight);
+            let (gone, kept) = in_flight
+                .into_iter()
+                .partition(|item: &Item| item.material() == usize::from(material.0));
+            self.in_flight = kept;
+            let gone: BTreeSet<Item> = gone;
+            self.bytes_in_flight -= gone
+                .iter()
+                .map(|item| self.materials[item.material()].bytes(*item))
+                .sum::<u64>();
+        }
     }
 
     /// Where an item is.

@@ -54,8 +54,7 @@ impl Residency {
         let columns = self.choose_columns(&mut plan);
         let pages = self.choose_pages(&mut plan);
         let mut claims: Vec<Claim> = columns.into_iter().chain(pages).collect();
-        // Stable: where a column and its root rank the same, the column, which came first, stays first.
-        claims.sort_by_key(|claim| Reverse(claim.rank));
+        claims.sort_by_cached_key(|claim| Reverse(self.urgency(claim.item, claim.rank)));
         let open = |claim: &&Claim| claim.state != State::InFlight;
         self.unsettled = claims.iter().filter(open).any(|claim| claim.rank.is_present());
         self.prefetching = claims.iter().filter(open).any(|claim| !claim.rank.is_present());
@@ -63,7 +62,7 @@ impl Residency {
         plan
     }
 
-    /// Asks for the highest claims, as far as the limits go; what is in flight for votes ahead gives way to the present.
+    /// Asks for the first claims, as far as the limits go; what is in flight for votes ahead gives way to the present.
     fn request(&mut self, claims: Vec<Claim>, plan: &mut Plan) {
         let (in_flight, new): (Vec<Claim>, Vec<Claim>) = claims
             .into_iter()

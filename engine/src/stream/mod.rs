@@ -17,7 +17,7 @@
 //! | [`CachedSource`] | keeps compressed records in memory, up to a number of bytes |
 //! | [`DiskCachedSource`] | keeps compressed records on disk, for other runs and for when there is no network |
 //! | [`BackgroundSource`] | takes a source to a thread of its own |
-//! | [`ThrottledSource`] | lets only so many bytes through, in simulated time |
+//! | [`NetworkSource`] | bandwidth, round trips, loss and order of a [`Network`], in simulated time |
 //! | [`FaultySource`] | fails, delays, repeats, reorders and loses answers, by seed |
 //!
 //! [`fn@open`] makes a source of what a user typed: `Background(Disk(Retried(host)))`. One conformance suite runs over all
@@ -43,6 +43,7 @@ mod http;
 mod inbox;
 mod lru;
 mod memory;
+mod network;
 #[cfg(not(target_arch = "wasm32"))]
 mod open;
 mod random;
@@ -50,7 +51,6 @@ mod range;
 mod retried;
 mod source;
 mod stats;
-mod throttle;
 mod transport;
 
 #[cfg(not(target_arch = "wasm32"))]
@@ -64,11 +64,11 @@ pub use folder::FolderSource;
 pub use http::{HttpOptions, HttpSource, HttpTransport};
 pub use lru::CachedSource;
 pub use memory::MemorySource;
+pub use network::{Network, NetworkSource, NetworkStats};
 #[cfg(not(target_arch = "wasm32"))]
 pub use open::{OpenOptions, open, open_with};
 pub use range::RangeSource;
 pub use retried::{RetriedSource, RetryOptions};
 pub use source::{Answer, Request, Ticket, TileSource};
 pub use stats::SourceStats;
-pub use throttle::ThrottledSource;
 pub use transport::{Event, Get, GetId, Head, Transport};

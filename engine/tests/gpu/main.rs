@@ -12,9 +12,11 @@ mod odd;
 mod page_formats;
 mod pictures;
 mod prefetch;
+mod rounds;
 mod scene;
 mod shading;
 mod streams;
+mod versions;
 mod virtual_pictures;
 mod votes;
 

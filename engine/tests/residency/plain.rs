@@ -325,9 +325,111 @@ impl Plain {
         let columns: Vec<_> = columns.collect();
         let pages = self.choose(true, &mut plan);
         let mut claims = [columns, pages].concat();
-        claims.sort_by(|a, b| compare(&b.0, &a.0));
+        // Stable: a column, which came first, stays before its root.
+        claims.sort_by(|a, b| self.urgency(b).partial_cmp(&self.urgency(a)).expect("numbers"));
         self.request(claims, &mut plan);
         plan
+    }
+
+    /// Error per byte, within pins, within the present. A column and its root count as one.
+    fn urgency(&self, (rank, item, _): &(Rank, Item, Option<bool>)) -> (bool, bool, f64, Rank) {
+        let (material, group) = column_of(*item);
+        let tile = self.materials[usize::from(material)].pyramid.root();
+        let [column, root] = [
+            Item::Column(MaterialId(material), group),
+            Item::Page(MaterialId(material), PageId { group, tile }),
+        ];
+        let mut bytes = self.bytes(*item);
+        for (one, other) in [(column, root), (root, column)] {
+            if *item == one && !self.has(other) {
+                bytes += self.bytes(other);
+            }
+        }
+        let value = if rank.1 > 0.0 { rank.1 } else { rank.2 };
+        let per_byte = if bytes > 0 {
+            value / bytes as f64
+        } else {
+            f64::INFINITY
+        };
+        (rank.1 > 0.0, rank.0, per_byte, *rank)
+    }
+
+    /// What is in flight, and the best pages that can follow it, most error per byte first.
+    pub(crate) fn upcoming(&self, most: usize) -> Vec<Item> {
+        if self.limits.in_flight == 0 {
+            return Vec::new();
+        }
+        let column_comes = |item: Item| {
+            let (material, group) = column_of(item);
+            let column = Item::Column(MaterialId(material), group);
+            self.has(column) || self.in_flight.contains(&column)
+        };
+        let parent = |item: Item| match item {
+            Item::Page(material, page) => {
+                let pyramid = self.materials[usize::from(material.0)].pyramid;
+                let tile = pyramid.parent(page.tile)?;
+                Some(Item::Page(material, PageId { tile, ..page }))
+            }
+            Item::Column(..) => None,
+        };
+        let mut pages: Vec<(Rank, Item)> = self
+            .items(true)
+            .into_iter()
+            .map(|item| (self.rank(item), item))
+            .collect();
+        pages.retain(|(rank, item)| is_wanted(rank) && !self.has(*item));
+        pages.sort_by(|a, b| compare(&b.0, &a.0));
+        let order = self.sorted(&self.pages);
+        let free = self.limits.page_slots as usize - self.pages.len();
+        let (mut listed, mut places): (Vec<(Rank, Item, Option<bool>)>, usize) = (Vec::new(), 0);
+        for (rank, item) in pages {
+            let follows = |parent: Item| self.has(parent) || listed.iter().any(|one| one.1 == parent);
+            if parent(item).is_some_and(|parent| !(follows(parent) && column_comes(item))) {
+                continue;
+            }
+            let in_flight = self.in_flight.contains(&item);
+            let exceeds = if in_flight { exceeds } else { exceeds_by_margin };
+            let gives_way = places.checked_sub(free).map(|n| order.get(n));
+            if listed.len() == most
+                || gives_way.is_some_and(|lowest| !lowest.is_some_and(|lowest| exceeds(&rank, &lowest.0)))
+            {
+                break;
+            }
+            match self.failures.get(&item) {
+                Some((count, retry)) if *retry > self.now && !in_flight => {
+                    places += usize::from(*count < PATIENCE);
+                }
+                _ => {
+                    places += 1;
+                    listed.push((rank, item, None));
+                }
+            }
+        }
+        for item in &self.in_flight {
+            if let Item::Column(MaterialId(material), group) = item {
+                listed.push((self.root_rank(*material, *group), *item, None));
+            }
+        }
+        // Columns come last, and are taken first of equals.
+        let mut found = Vec::new();
+        while !listed.is_empty() {
+            let waits = |one: &(Rank, Item, Option<bool>)| {
+                let (material, group) = column_of(one.1);
+                let column = Item::Column(MaterialId(material), group);
+                parent(one.1)
+                    .is_some_and(|parent| listed.iter().any(|other| other.1 == parent || other.1 == column))
+            };
+            let next = (0..listed.len())
+                .filter(|&at| !waits(&listed[at]))
+                .max_by(|&a, &b| {
+                    self.urgency(&listed[a])
+                        .partial_cmp(&self.urgency(&listed[b]))
+                        .expect("numbers")
+                })
+                .expect("roots wait for nothing");
+            found.push(listed.remove(next).1);
+        }
+        found
     }
 
     /// Claims that get a place: rank, item, and whether it is to be asked for; `None` where it has to wait.
@@ -344,29 +446,27 @@ impl Plain {
         };
         let mut claims = Vec::new();
         let mut candidates = self.items(pages);
-        if !pages {
-            // No more of them than could be asked for if all that is in flight and has failed ranked above.
-            let present = self
-                .in_flight
-                .iter()
-                .filter(|item| self.rank(**item).1 > 0.0)
-                .count();
-            let most = self.limits.in_flight + present + self.failures.len();
-            candidates.retain(|item| {
-                let (material, group) = column_of(*item);
-                !self.has(*item)
-                    && is_wanted(&self.rank(*item))
-                    && page_fits(&self.root_rank(material, group))
-            });
-            candidates.sort_by(|a, b| compare(&self.rank(*b), &self.rank(*a)));
-            candidates.truncate(most);
-            candidates.retain(|item| !self.in_flight.contains(item));
-            candidates.extend(
-                self.in_flight
-                    .iter()
-                    .filter(|item| matches!(item, Item::Column(..))),
-            );
-        }
+        // No more of them than could be asked for if all that is in flight and has failed ranked above.
+        let present = self
+            .in_flight
+            .iter()
+            .filter(|item| self.rank(**item).1 > 0.0)
+            .count();
+        let most = self.limits.in_flight + present + self.failures.len();
+        candidates.retain(|item| {
+            let (material, group) = column_of(*item);
+            let fits = if pages {
+                self.reachable(*item) && page_fits(&self.rank(*item))
+            } else {
+                page_fits(&self.root_rank(material, group))
+            };
+            !self.has(*item) && is_wanted(&self.rank(*item)) && fits
+        });
+        candidates.sort_by(|a, b| compare(&self.rank(*b), &self.rank(*a)));
+        candidates.truncate(most);
+        candidates.retain(|item| !self.in_flight.contains(item));
+        let in_flight = self.in_flight.iter().copied();
+        candidates.extend(in_flight.filter(|item| matches!(item, Item::Page(..)) == pages));
         for item in candidates {
             let rank = self.rank(item);
             if self.in_flight.contains(&item) {

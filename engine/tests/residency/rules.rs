@@ -345,3 +345,80 @@ fn weights_that_are_no_weights_count_as_zero() {
     assert_eq!(residency.summary().pages_resident, 1);
     assert_eq!(residency.summary().predicted_mse, 0.0);
 }
+
+#[test]
+fn what_lowers_the_error_most_per_byte_is_asked_for_first() {
+    // Both roots are pinned; group 1 of material 0 is worth more than that of material 1, but takes many more bytes.
+    let weights = [[1.0, 0.5, 0.0, 0.0, 0.0, 0.0], [6.0, 0.0, 0.0, 0.0, 0.0, 0.0]];
+    let mut residency = residency(64, 64, &[]);
+    for (page_bytes, column_bytes) in [(900, 100), (50, 50)] {
+        residency.add_material(MaterialInfo {
+            page_bytes: vec![page_bytes; 12],
+            column_bytes: vec![column_bytes; 2],
+            ..material(&weights)
+        });
+    }
+    let plan = residency.update(&[vote(0, 1, 2), vote(1, 1, 1)], &[]);
+    let pinned = [column(1, 0), page(1, 0, 0), column(0, 0), page(0, 0, 0)];
+    let others = [column(1, 1), page(1, 1, 0), column(0, 1), page(0, 1, 0)];
+    assert_eq!(plan.request, [pinned, others].concat());
+    let upcoming = residency.upcoming(100);
+    let at = |items: &[Item], item| items.iter().position(|other| *other == item).unwrap();
+    assert!(at(&upcoming, page(1, 0, 1)) < at(&upcoming, page(0, 0, 1)));
+    // Another view: now material 0 is worth its bytes.
+    residency.update(&[vote(0, 1, 200), vote(1, 1, 1)], &[]);
+    let upcoming = residency.upcoming(100);
+    assert!(at(&upcoming, page(0, 0, 1)) < at(&upcoming, page(1, 0, 1)));
+}
+
+#[test]
+fn a_chain_is_known_from_the_start_and_ends_where_something_fails() {
+    let mut residency = residency(10, 10, &[&[[8.0, 4.0, 2.0, 1.0, 0.0, 0.0]]]);
+    let votes = [vote(0, 2, 10), vote(0, 3, 10)];
+    assert_eq!(
+        residency.update(&votes, &[]).request,
+        [column(0, 0), page(0, 0, 0)]
+    );
+    let chain = [page(0, 0, 1), page(0, 0, 2), page(0, 0, 3)];
+    let all = [&[column(0, 0), page(0, 0, 0)], &chain[..]].concat();
+    assert_eq!(residency.upcoming(100), all);
+    assert_eq!(residency.upcoming(3), all[..4]);
+    residency.arrived(column(0, 0));
+    residency.failed(page(0, 0, 0));
+    residency.update(&votes, &[]);
+    assert_eq!(
+        residency.upcoming(100),
+        [],
+        "nothing can be placed without the root"
+    );
+    while residency.update(&votes, &[]).request.is_empty() {}
+    assert_eq!(residency.upcoming(100), all[1..]);
+    // The camera has left.
+    residency.update(&[], &[]);
+    assert_eq!(residency.upcoming(100), []);
+}
+
+#[test]
+fn no_more_is_upcoming_than_gets_a_slot() {
+    let weights = [[8.0, 4.0, 2.0, 1.0, 0.0, 0.0]];
+    let mut residency = residency(3, 10, &[&weights]);
+    residency.update(&[vote(0, 2, 10), vote(0, 3, 10)], &[]);
+    let expected = [column(0, 0), page(0, 0, 0), page(0, 0, 1), page(0, 0, 2)];
+    assert_eq!(residency.upcoming(100), expected);
+}
+
+#[test]
+fn a_retired_material_is_wanted_no_more_until_it_comes_back() {
+    let one = [[1.0, 1.0, 0.0, 0.0, 0.0, 0.0]];
+    let mut residency = residency(10, 10, &[&one]);
+    let votes = [vote(0, 1, 1)];
+    settle(&mut residency, &[vote(0, 0, 1)]);
+    assert_eq!(residency.update(&votes, &[]).request, [page(0, 0, 1)]);
+    residency.set_retired(MaterialId(0), true);
+    assert_eq!(residency.summary().in_flight, 0);
+    assert_eq!(residency.update(&votes, &[]), Plan::default());
+    assert_eq!(residency.arrived(page(0, 0, 1)), Placement::Drop);
+    assert!(residency.summary().settled && is_resident(&residency, page(0, 0, 0)));
+    residency.set_retired(MaterialId(0), false);
+    assert_eq!(residency.update(&votes, &[]).request, [page(0, 0, 1)]);
+}

@@ -130,7 +130,38 @@ impl Driver {
         }
         self.log.push(format!("{plan:?}"));
         self.check();
+        self.check_upcoming();
         plan
+    }
+
+    /// The list of what to fetch: that of the plain model; parents come before their pages, all of it would get a slot, and
+    /// there is nothing on it where nothing moves any more.
+    fn check_upcoming(&mut self) {
+        for most in [3, 100] {
+            let upcoming = self.residency.upcoming(most);
+            assert_eq!(upcoming, self.plain.upcoming(most));
+            let pages = upcoming.iter().filter(|item| matches!(item, Item::Page(..)));
+            assert!(pages.count() <= most.min(self.limits.page_slots as usize));
+            for (at, item) in upcoming.iter().enumerate() {
+                assert_eq!(self.residency.slot(*item), None);
+                let Item::Page(material, page) = *item else {
+                    continue;
+                };
+                let pyramid = self.scene.materials[usize::from(material.0)].pyramid;
+                if let Some(tile) = pyramid.parent(page.tile) {
+                    let column = Item::Column(material, page.group);
+                    let parent = Item::Page(material, PageId { tile, ..page });
+                    for needed in [parent, column] {
+                        let there = self.residency.slot(needed).is_some() || upcoming[..at].contains(&needed);
+                        assert!(there, "{item:?} before {needed:?}");
+                    }
+                }
+            }
+            if self.residency.summary().settled && !self.residency.summary().prefetching {
+                assert_eq!(upcoming, []);
+            }
+        }
+        self.log.push(format!("{:?}", self.residency.upcoming(100)));
     }
 
     fn check_reachable(&self, item: Item) {

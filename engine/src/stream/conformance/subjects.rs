@@ -142,8 +142,8 @@ fn opened(url: &str, needs: impl Any, cache: bool) -> Subject {
         .needing(needs)
 }
 
-/// A throttled source whose simulated time goes on with every poll.
-struct Ticking<S>(ThrottledSource<S>, u64);
+/// A network whose simulated time goes on by a millisecond with every poll.
+struct Ticking<S>(NetworkSource<S>);
 
 impl<S: TileSource> TileSource for Ticking<S> {
     fn capacity(&self) -> usize {
@@ -159,7 +159,7 @@ impl<S: TileSource> TileSource for Ticking<S> {
         self.0.cancel(ticket);
     }
     fn poll(&mut self) -> Option<Answer> {
-        self.0.advance(self.1);
+        self.0.advance(Duration::from_millis(1));
         self.0.poll()
     }
     fn wait(&mut self, limit: Duration) {
@@ -167,8 +167,19 @@ impl<S: TileSource> TileSource for Ticking<S> {
     }
 }
 
-fn throttled<S: TileSource>(inner: S, bytes_per_poll: u64) -> Ticking<S> {
-    Ticking(ThrottledSource::with_latency(inner, 3), bytes_per_poll)
+/// Slow, lossy, out of order.
+fn networked<S: TileSource>(inner: S, bytes_per_poll: u64) -> Ticking<S> {
+    let network = Network {
+        bits_per_second: bytes_per_poll * 8000,
+        round_trip: Duration::from_millis(3),
+        jitter: Duration::from_millis(2),
+        loss: 0.1,
+        reorder: 0.2,
+        connections: 2,
+        streams: 3,
+        header_bytes: 50,
+    };
+    Ticking(NetworkSource::new(inner, network, 5))
 }
 
 fn reordered<S: TileSource>(inner: S) -> FaultySource<S> {
@@ -202,7 +213,7 @@ pub(super) fn subjects() -> Vec<(&'static str, Make)> {
         ("cached twice", || {
             Subject::new(CachedSource::new(CachedSource::new(memory(), 1 << 20), 1 << 20))
         }),
-        ("throttled", || Subject::new(throttled(memory(), 100))),
+        ("network", || Subject::new(networked(memory(), 100))),
         ("reordered", || Subject::new(reordered(memory()))),
         ("range", ranges),
         ("retried", || Subject::new(retried(memory()))),
@@ -210,8 +221,8 @@ pub(super) fn subjects() -> Vec<(&'static str, Make)> {
         ("background", || {
             Subject::new(BackgroundSource::new(memory()).unwrap())
         }),
-        ("background over throttled", || {
-            Subject::new(BackgroundSource::new(throttled(memory(), 1000)).unwrap())
+        ("background over network", || {
+            Subject::new(BackgroundSource::new(networked(memory(), 1000)).unwrap())
         }),
         ("disk", || on_disk(memory(), 1 << 20)),
         ("disk, little room", || on_disk(memory(), 5 * 4096)),
@@ -263,14 +274,14 @@ pub(super) fn subjects() -> Vec<(&'static str, Make)> {
         ("all decorators over a folder", || {
             let Subject { source, _needs } = folder();
             Subject {
-                source: Box::new(CachedSource::new(throttled(reordered(source), 200), 2000)),
+                source: Box::new(CachedSource::new(networked(reordered(source), 200), 2000)),
                 _needs,
             }
         }),
         ("all decorators over http", || {
             let Subject { source, _needs } = http();
             Subject {
-                source: Box::new(CachedSource::new(throttled(reordered(source), 200), 2000)),
+                source: Box::new(CachedSource::new(networked(reordered(source), 200), 2000)),
                 _needs,
             }
         }),

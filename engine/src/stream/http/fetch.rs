@@ -319,7 +319,7 @@ impl Exchange<'_> {
             "the archive changed on the server from {} to {}: load it again",
             known.id, now.id
         );
-        Err(Error::Source {
+        Err(Error::Changed {
             what: self.request.to_string(),
             detail,
         })

@@ -39,7 +39,7 @@ impl Trouble {
                 retry_after: *retry_after,
             },
             Trouble::Missing(detail) => Error::NotFound(format!("{what} ({detail})")),
-            Trouble::Changed(detail) => Error::Source {
+            Trouble::Changed(detail) => Error::Changed {
                 what,
                 detail: format!("the archive changed on the host ({detail}): load it again"),
             },

@@ -1,0 +1,24 @@
+//! What is seen after how many bytes and seconds, under networks.
+//!
+//! - [`measure`] (`run`) replays a static view and a way of the camera in simulated time, through `engine::stream::NetworkSource`, frame by
+//!   frame of a sixtieth of a second: the same on every machine.
+//! - [`Contender`]: our residency, and what it is measured against. `baseline` is a `engine::frame::Policy` with an order in which
+//!   records are asked for (`order`); the engine, its budgets, its host cache and its decoder are the same for all.
+//! - `line`: the source of a replay, and what came over it. `replay`: one contender on one way. `truth`: settled pictures.
+//! - [`table`](fn@table) and [`plot`](fn@plot) show.
+
+mod baseline;
+mod line;
+mod order;
+mod plot;
+mod replay;
+mod report;
+mod run;
+mod slots;
+mod truth;
+
+pub use order::Contender;
+pub use plot::plot;
+pub use replay::{Mark, Point, Replay};
+pub use report::table;
+pub use run::{NamedNetwork, Plan, Results, Way, close_up, measure, views};

@@ -1,0 +1,200 @@
+//! `eigentile bench stream`: what is seen after how many bytes and seconds, under networks.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use ::benches::engine::{Archives, Subject};
+use ::benches::stream::{NamedNetwork, Plan, close_up, measure, plot, table, views};
+use ::engine::stream::Network;
+use anyhow::{Context, Result, ensure};
+use clap::Args;
+
+use super::engine;
+use crate::render::{own_folder, parse_size};
+use crate::{file, progress};
+
+/// Measure pictures over bytes and seconds under networks, beside other orders of asking.
+#[derive(Args)]
+#[command(after_help = EXAMPLES)]
+pub(crate) struct Arguments {
+    /// Scene: .gltf or .glb; without one a grid of tori with a few materials is made.
+    #[arg(value_name = "SCENE.gltf")]
+    scene: Option<PathBuf>,
+    /// Tile server (http://HOST:PORT) or folder of archives; without it the scene's own folder.
+    #[arg(long, value_name = "URL|DIR", requires = "scene")]
+    tiles: Option<String>,
+    /// Camera path; without it a quarter of a circle around the scene.
+    #[arg(long, visible_alias = "path", value_name = "PATH.json", requires = "scene")]
+    camera: Option<PathBuf>,
+    /// A network: 3g, 4g, dsl, wifi, lan, or megabits a second, milliseconds of a round trip, and the chance that a segment
+    /// is lost; again for more. All that have names without it.
+    #[arg(long = "network", value_name = "NAME|MBIT,MS[,LOSS]", value_parser = parse_network)]
+    networks: Vec<NamedNetwork>,
+    /// Connections of each network.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    connections: usize,
+    /// Requests under way on a connection; 1 is HTTP/1.1, more are HTTP/2 or batches.
+    #[arg(long, value_name = "N", default_value_t = 256)]
+    streams: usize,
+    /// Width and height of the pictures, pixels.
+    #[arg(long, default_value = "256x144", value_parser = parse_size)]
+    size: (u32, u32),
+    /// Materials of the scene that is made.
+    #[arg(long, value_name = "N", default_value_t = 4, conflicts_with = "scene")]
+    materials: usize,
+    /// Seconds that the camera takes along its path; 0 measures the first view only.
+    #[arg(long, value_name = "S", default_value_t = 2.0)]
+    seconds: f64,
+    /// Memory on the GPU for pages and columns, MiB, of every order.
+    #[arg(long, value_name = "N", default_value_t = 384)]
+    cache_mib: u64,
+    /// Draws structural similarity over bytes and seconds.
+    #[arg(long, value_name = "FILE.svg")]
+    plot: Option<PathBuf>,
+    /// Prints what was measured as JSON, and no progress.
+    #[arg(long)]
+    json: bool,
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  eigentile bench stream --plot stream.svg
+  eigentile bench stream --network dsl --network 2,300,0.02
+  eigentile bench stream scenes/tori/scene.gltf --tiles scenes/tiles --camera scenes/tori/camera.json --network 4g --json
+
+Time is simulated, a sixtieth of a second in each frame, so results are the same on every machine. First picture: the first
+frame in which every material in view shows something of its own; its round trips are counted where bytes take no time, and
+the handshake is one. 95 % SSIM: from there on no picture was further from the settled one of its view. Bytes are those
+on the line, with headers, what was lost, and what was given up on the way. Every order has the same budgets, cancels what
+it does not want any more, and asks for children before their parents are there. Breadth first: all groups and tiles of a mip
+before the next. Demand: the tiles that pixels want now, least recently wanted go. 2013: Schwartz, Ruiters, Klein, P = w·v.";
+
+/// Longest way of the camera, seconds.
+const MOST_SECONDS: f64 = 120.0;
+/// Most connections, and requests on one.
+const MOST_STREAMS: usize = 256;
+
+pub(crate) fn run(arguments: &Arguments) -> Result<()> {
+    ensure!(
+        (0.0..=MOST_SECONDS).contains(&arguments.seconds),
+        "--seconds is {}; it must be 0 to {MOST_SECONDS}",
+        arguments.seconds
+    );
+    for (name, value) in [
+        ("--connections", arguments.connections),
+        ("--streams", arguments.streams),
+        ("--materials", arguments.materials),
+    ] {
+        ensure!(
+            (1..=MOST_STREAMS).contains(&value),
+            "{name} is {value}; it must be 1 to {MOST_STREAMS}"
+        );
+    }
+    let bytes = arguments
+        .cache_mib
+        .checked_mul(1 << 20)
+        .context("--cache-mib is too large")?;
+    let spinner = progress::spinner("stream", arguments.json);
+    let subject = match &arguments.scene {
+        Some(path) => subject(arguments, path)?,
+        None => close_up(arguments.materials, views(arguments.seconds))?,
+    };
+    let plan = Plan {
+        size: arguments.size,
+        networks: networks(arguments),
+        page_cache_bytes: bytes - bytes / 3,
+        column_cache_bytes: bytes / 3,
+    };
+    let results = measure(&subject, &plan, &|what| spinner.set_message(what.to_owned()));
+    spinner.finish_and_clear();
+    let results = results?;
+    if let Some(path) = &arguments.plot {
+        file::write(path, plot(&results).as_bytes())?;
+    }
+    if arguments.json {
+        return file::print_json(&results);
+    }
+    Ok(write!(std::io::stdout().lock(), "{}", table(&results))?)
+}
+
+fn subject(arguments: &Arguments, path: &Path) -> Result<Subject> {
+    let scene = scenes::gltf::open(path)?.scene;
+    let count = views(arguments.seconds);
+    Ok(Subject {
+        name: engine::name(path),
+        cameras: engine::cameras(&scene, arguments.camera.as_deref(), arguments.size, count)?,
+        archives: Archives::At(arguments.tiles.clone().map_or_else(|| own_folder(path), Ok)?),
+        scene,
+    })
+}
+
+fn networks(arguments: &Arguments) -> Vec<NamedNetwork> {
+    let named = Network::NAMES.iter().filter_map(|name| {
+        let network = Network::named(name)?;
+        let name = (*name).to_owned();
+        Some(NamedNetwork { name, network })
+    });
+    let mut networks = match arguments.networks.is_empty() {
+        true => named.collect(),
+        false => arguments.networks.clone(),
+    };
+    for named in &mut networks {
+        named.network.connections = arguments.connections;
+        named.network.streams = arguments.streams;
+    }
+    networks
+}
+
+/// A name, or megabits a second, milliseconds, and loss.
+fn parse_network(text: &str) -> Result<NamedNetwork, String> {
+    if let Some(network) = Network::named(text) {
+        let name = text.to_owned();
+        return Ok(NamedNetwork { name, network });
+    }
+    let wrong = || {
+        format!(
+            "one of {}, or MBIT,MS[,LOSS], for example 8,50,0.01: more than 0 and at most 100000 megabits a second, 0 to \
+             10000 milliseconds, a loss of 0 to 0.5",
+            Network::NAMES.join(", ")
+        )
+    };
+    let parts = text.split(',').map(|part| part.trim().parse::<f64>());
+    let parts: Vec<f64> = parts.collect::<Result<_, _>>().map_err(|_| wrong())?;
+    let (mbit, milliseconds, loss) = match parts[..] {
+        [mbit, milliseconds] => (mbit, milliseconds, 0.0),
+        [mbit, milliseconds, loss] => (mbit, milliseconds, loss),
+        _ => return Err(wrong()),
+    };
+    let bits = (mbit * 1e6).round();
+    let fits =
+        (1.0..=1e11).contains(&bits) && (0.0..=1e4).contains(&milliseconds) && (0.0..=0.5).contains(&loss);
+    if !fits {
+        return Err(wrong());
+    }
+    Ok(NamedNetwork {
+        name: text.to_owned(),
+        network: Network::line(bits as u64, Duration::from_secs_f64(milliseconds / 1e3), loss),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn networks_have_names_or_figures() {
+        assert_eq!(
+            parse_network("dsl").unwrap().network,
+            Network::named("dsl").unwrap()
+        );
+        let line = Network::line(1_600_000, Duration::from_millis(150), 0.01);
+        assert_eq!(parse_network("1.6, 150, 0.01").unwrap().network, line);
+        for text in [
+            "", "5g", "8", "0,50", "8,-1", "8,50,1", "NaN,1", "8,50,0,0", "inf,5",
+        ] {
+            let error = parse_network(text).unwrap_err();
+            assert!(error.contains("MBIT,MS"), "{text}: {error}");
+        }
+    }
+}
