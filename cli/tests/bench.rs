@@ -159,7 +159,9 @@ fn pictures_are_measured_under_a_network() {
     assert!(number(&results, "/replays/0/settled/bytes") > 0.0);
     let plot = fs::read_to_string(folder.path().join("stream.svg")).unwrap();
     assert!(plot.contains("breadth first"), "{plot}");
-    let wrong = fail(folder.path(), &["bench", "stream", "--network", "5g"]);
+    let wrong = program::run(folder.path(), &["bench", "stream", "--network", "5g"]);
+    assert_eq!(wrong.status.code(), Some(1));
+    let wrong = String::from_utf8(wrong.stderr).unwrap();
     assert!(wrong.contains("dsl"), "{wrong}");
 }
 

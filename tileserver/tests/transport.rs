@@ -2,7 +2,11 @@
 
 mod common;
 
-use std::{path::Path, sync::Arc, time::Duration};
+use std::{
+    path::{Path, PathBuf},
+    sync::{Arc, LazyLock},
+    time::Duration,
+};
 
 use bytes::Bytes;
 use common::{Server, archive, id, large_archive, open};
@@ -34,10 +38,24 @@ fn folder() -> tempfile::TempDir {
     folder
 }
 
-fn fixture(name: &str) -> std::path::PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR"))
-        .join("tests/fixtures")
-        .join(name)
+/// Two certificates that sign themselves, `first.pem` and `second.pem`, and their keys, `first.key` and `second.key`.
+static CERTIFICATES: LazyLock<PathBuf> = LazyLock::new(|| {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("certificates");
+    std::fs::create_dir_all(&folder).unwrap();
+    for name in ["first", "second"] {
+        let made = rcgen::generate_simple_self_signed(["localhost".to_owned()]).unwrap();
+        std::fs::write(folder.join(name).with_extension("pem"), made.cert.pem()).unwrap();
+        std::fs::write(
+            folder.join(name).with_extension("key"),
+            made.signing_key.serialize_pem(),
+        )
+        .unwrap();
+    }
+    folder
+});
+
+fn certificate(name: &str) -> PathBuf {
+    CERTIFICATES.join(name)
 }
 
 /// A connection of HTTP/2.
@@ -152,7 +170,7 @@ async fn who_sends_frames_byte_by_byte_is_as_good_as_silent() {
 async fn connect(server: &Server, trusted: &str, protocol: &[u8]) -> std::io::Result<TlsStream<TcpStream>> {
     let mut roots = RootCertStore::empty();
     roots
-        .add(CertificateDer::from_pem_file(fixture(trusted)).unwrap())
+        .add(CertificateDer::from_pem_file(certificate(trusted)).unwrap())
         .unwrap();
     let provider = Arc::new(ring::default_provider());
     let mut config = ClientConfig::builder_with_provider(provider)
@@ -170,13 +188,13 @@ async fn connect(server: &Server, trusted: &str, protocol: &[u8]) -> std::io::Re
 #[tokio::test(flavor = "multi_thread")]
 async fn tls_with_both_versions_and_certificates_that_change() {
     let folder = folder();
-    let (certificate, key) = (folder.path().join("site.pem"), folder.path().join("site.key"));
+    let (chain, key) = (folder.path().join("site.pem"), folder.path().join("site.key"));
     let install = |name: &str| {
-        std::fs::copy(fixture(&format!("{name}.key")), &key).unwrap();
-        std::fs::copy(fixture(&format!("{name}.pem")), &certificate).unwrap();
+        std::fs::copy(certificate(&format!("{name}.key")), &key).unwrap();
+        std::fs::copy(certificate(&format!("{name}.pem")), &chain).unwrap();
     };
     install("first");
-    let tls = Tls::new(&certificate, &key).unwrap();
+    let tls = Tls::new(&chain, &key).unwrap();
     let site = Site::from(Collection::open(folder.path()).unwrap()).with_tls(tls);
     let options = Options {
         header_timeout: Duration::from_millis(500),
@@ -214,7 +232,7 @@ async fn tls_with_both_versions_and_certificates_that_change() {
     }
 
     // A certificate that does not fit its key changes nothing, the right one does.
-    std::fs::copy(fixture("second.pem"), &certificate).unwrap();
+    std::fs::copy(certificate("second.pem"), &chain).unwrap();
     tokio::time::sleep(Duration::from_millis(1100)).await;
     assert!(connect(&server, "first.pem", b"h2").await.is_ok());
     install("second");
@@ -235,12 +253,12 @@ async fn tls_with_both_versions_and_certificates_that_change() {
 
 #[test]
 fn certificates_that_do_not_fit_are_refused() {
-    for (certificate, key) in [
+    for (chain, key) in [
         ("first.pem", "second.key"),
         ("first.key", "first.key"),
         ("no.pem", "first.key"),
     ] {
-        let error = Tls::new(fixture(certificate), fixture(key))
+        let error = Tls::new(certificate(chain), certificate(key))
             .err()
             .unwrap()
             .to_string();

@@ -45,7 +45,10 @@ impl Served {
         runtime.spawn(tileserver::run(
             listener,
             collection,
-            tileserver::Options::default(),
+            tileserver::Options {
+                list_age: std::time::Duration::ZERO, // tests replace archives
+                ..tileserver::Options::default()
+            },
             forever,
         ));
         Self {

@@ -167,8 +167,8 @@ fn long_indices_take_two_ranges() {
 fn wide() -> Vec<u8> {
     let small = Archive::open(archive(1)).unwrap();
     let manifest = tileset::Manifest {
-        width: 6400,
-        height: 6400,
+        width: 12_800,
+        height: 12_800,
         components: 4,
         singular_values: vec![0.1; 4],
         ..small.index.manifest
