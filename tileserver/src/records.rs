@@ -50,6 +50,8 @@ impl std::fmt::Display for What {
 
 /// Content is named by content: archives that are replaced, or served twice, cannot be taken for each other.
 type Key = (u128, What);
+/// A read is also of one archive in one store, by address: where that fails, the same content elsewhere may be at hand.
+type FlightKey = (usize, Key);
 type Landed = Result<Bytes, ReadError>;
 type Flight = BoxFuture<'static, Landed>;
 
@@ -70,7 +72,7 @@ pub(crate) struct Records {
     pub(crate) reads: Arc<Reads>,
     metrics: Arc<Metrics>,
     cache: Mutex<Cache>,
-    flights: Mutex<HashMap<Key, (u64, WeakShared<Flight>)>>,
+    flights: Mutex<HashMap<FlightKey, (u64, WeakShared<Flight>)>>,
     next_flight: AtomicU64,
 }
 
@@ -123,8 +125,9 @@ impl Records {
 
     /// The read that is under way, or a new one. It ends when nobody waits for it any more.
     fn flight(self: &Arc<Self>, served: &Arc<Served>, key: Key) -> Shared<Flight> {
+        let flight_key = (Arc::as_ptr(served).addr(), key);
         let mut flights = lock(&self.flights);
-        if let Some(flight) = flights.get(&key).and_then(|(_, flight)| flight.upgrade()) {
+        if let Some(flight) = flights.get(&flight_key).and_then(|(_, flight)| flight.upgrade()) {
             self.metrics.cache_joins.add(1);
             return flight;
         }
@@ -132,7 +135,7 @@ impl Records {
         let number = self.next_flight.fetch_add(1, Ordering::Relaxed);
         let landing = Landing {
             records: Arc::clone(self),
-            key,
+            key: flight_key,
             number,
         };
         let served = Arc::clone(served);
@@ -143,7 +146,7 @@ impl Records {
         };
         let flight = flight.boxed().shared();
         if let Some(weak) = flight.downgrade() {
-            flights.insert(key, (number, weak));
+            flights.insert(flight_key, (number, weak));
         }
         flight
     }
@@ -196,7 +199,7 @@ impl Cache {
 /// Takes a flight off the list when it has ended or nobody waits for it any more.
 struct Landing {
     records: Arc<Records>,
-    key: Key,
+    key: FlightKey,
     number: u64,
 }
 
