@@ -3,7 +3,7 @@
 //! - [`Store`]: where archives lie: a [`Folder`], [`Objects`] of a bucket, or what a program brings.
 //! - [`Collection`]: the archives of a store, found by listing it, opened once.
 //! - [`Site`]: collections and their places, and the certificate.
-//! - [`run`]: the service on a socket, until it is told to stop; [`router`] for programs that bring their own.
+//! - [`fn@run`]: the service on a socket, until it is told to stop; [`router`] for programs that bring their own.
 //!
 //! A record is checked against its hash before it is sent; addresses of records carry the content id of their
 //! archive and never change their content, so that any cache may keep them for good. The server holds no

@@ -1,7 +1,7 @@
 //! How many files this process may have open, connections included.
 
 /// Raises the limit of open files to what the system lets this process have, and says how many that is; `None` if there is no limit, or
-/// none that is known. For programs, before [`crate::run`]: shells often begin with 1024.
+/// none that is known. For programs, before [`fn@crate::run`]: shells often begin with 1024.
 pub fn raise_open_files() -> Option<u64> {
     #[cfg(unix)]
     {

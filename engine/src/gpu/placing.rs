@@ -124,7 +124,7 @@ impl Renderer {
         self.materials.page_table.remove(btf, page);
     }
 
-    /// Writes a column, in the [form](Btf::cached_column) that the cache has, into a slot and enters it into the page
+    /// Writes a column, in the [form](super::materials::Btf::cached_column) that the cache has, into a slot and enters it into the page
     /// table. Before it the group's root was worth nothing: it comes in now.
     pub fn place_column(&mut self, btf: usize, group: u16, slot: Slot, quads: Vec<[f16; 4]>) {
         self.show_filled();

@@ -6,7 +6,7 @@
 //!
 //! Two dispatches for hundreds of strips, not two copies a strip: graphics APIs put a barrier between any two copies
 //! into one texture. Payloads are only read and borders only written, so strips may be split over rounds in any way.
-//! Where slots have scales, texels change over from one to the other; [`super::slot_scales`] sees to it that they fit.
+//! Where slots have scales, texels change over from one to the other; `gpu::slot_scales` sees to it that they fit.
 
 use glam::{UVec2, Vec4};
 use shaders::mirror;
