@@ -92,7 +92,6 @@ struct Load {
 const SCRIPT: &str = "\
 local requests, at = {}, 0
 init = function(args)
-    wrk.init(args)
     for line in io.lines(args[1]) do requests[#requests + 1] = wrk.format('GET', line) end
 end
 request = function()
