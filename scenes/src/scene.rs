@@ -77,7 +77,7 @@ pub enum Surface {
 }
 
 /// A light source.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Light {
     /// Infinitely far away.
     Directional {

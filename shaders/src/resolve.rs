@@ -57,6 +57,7 @@ embed!(
     "light",
     "material",
     "pages",
+    "present",
     "resident",
     "shade",
     "stitch",

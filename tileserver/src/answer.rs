@@ -18,9 +18,8 @@ pub(crate) enum Keep {
     Shortly,
 }
 
-/// Records are compressed already, and JSON comes in two forms.
+/// Records are compressed already.
 const BINARY: &str = "application/octet-stream";
-const JSON: &str = "application/json";
 
 /// What an answer says about its content.
 pub(crate) struct Fields {
@@ -32,13 +31,17 @@ pub(crate) struct Fields {
 }
 
 impl Fields {
-    pub(crate) fn binary(etag: String, keep: Keep, private: bool) -> Self {
+    pub(crate) fn new(etag: String, keep: Keep, kind: &'static str, private: bool) -> Self {
         Self {
             etag,
             keep,
-            kind: HeaderValue::from_static(BINARY),
+            kind: HeaderValue::from_static(kind),
             private,
         }
+    }
+
+    pub(crate) fn binary(etag: String, keep: Keep, private: bool) -> Self {
+        Self::new(etag, keep, BINARY, private)
     }
 
     /// Whether the client has this content already.
@@ -80,30 +83,55 @@ impl Fields {
 
 /// A document in the form that the client takes, or that it has it already.
 pub(crate) fn document(document: &Document, headers: &HeaderMap, private: bool) -> Response {
-    let gzip = takes_gzip(headers);
-    let encoded = if gzip { &document.gzip } else { &document.plain };
-    let fields = Fields {
-        etag: encoded.etag.clone(),
-        keep: Keep::Shortly,
-        kind: HeaderValue::from_static(JSON),
-        private,
+    let brotli = document
+        .brotli
+        .as_ref()
+        .filter(|_| takes(headers, "br"))
+        .map(|form| (form, "br"));
+    let gzip = || {
+        document
+            .gzip
+            .as_ref()
+            .filter(|_| takes(headers, "gzip"))
+            .map(|form| (form, "gzip"))
     };
+    let coded = brotli.or_else(gzip);
+    let encoded = coded.map_or(&document.plain, |(form, _)| form);
+    let fields = Fields::new(encoded.etag.clone(), document.keep, document.kind, private);
     let mut response = if fields.known(headers) {
         fields.not_modified()
     } else {
         fields.whole(encoded.bytes.clone())
     };
     let out = response.headers_mut();
-    out.append(header::VARY, HeaderValue::from_static("accept-encoding"));
-    if gzip {
-        out.insert(header::CONTENT_ENCODING, HeaderValue::from_static("gzip"));
+    if document.brotli.is_some() || document.gzip.is_some() {
+        out.append(header::VARY, HeaderValue::from_static("accept-encoding"));
+    }
+    if let Some((_, coding)) = coded {
+        out.insert(header::CONTENT_ENCODING, HeaderValue::from_static(coding));
     }
     response
 }
 
-/// Whether `Accept-Encoding` has gzip, or all, with a weight that is not zero (RFC 9110, section 12.5.3).
-pub(crate) fn takes_gzip(headers: &HeaderMap) -> bool {
-    let (mut gzip, mut all) = (None, None);
+/// What pages of the server may do in a browser: run the server's own scripts and WebAssembly, and read archives wherever they are.
+const POLICY: &str = "default-src 'self'; script-src 'self' 'wasm-unsafe-eval'; style-src 'self' 'unsafe-inline'; \
+    img-src * data: blob:; connect-src *; worker-src 'self' blob:; object-src 'none'; base-uri 'none'; form-action 'none'";
+
+/// A file of a web page.
+pub(crate) fn static_file(file: &Document, headers: &HeaderMap) -> Response {
+    let mut response = document(file, headers, false);
+    let out = response.headers_mut();
+    out.insert(header::CONTENT_SECURITY_POLICY, HeaderValue::from_static(POLICY));
+    out.insert(
+        header::X_CONTENT_TYPE_OPTIONS,
+        HeaderValue::from_static("nosniff"),
+    );
+    response
+}
+
+/// Whether `Accept-Encoding` has a coding, or all, with a weight that is not zero (RFC 9110, section 12.5.3).
+pub(crate) fn takes(headers: &HeaderMap, wanted: &str) -> bool {
+    let (mut named, mut all) = (None, None);
     let fields = headers.get_all(header::ACCEPT_ENCODING).iter();
     for item in fields
         .filter_map(|field| field.to_str().ok())
@@ -114,13 +142,13 @@ pub(crate) fn takes_gzip(headers: &HeaderMap) -> bool {
         let weight = parts
             .find_map(|part| part.strip_prefix("q=")?.parse::<f32>().ok())
             .unwrap_or(1.0);
-        if coding.eq_ignore_ascii_case("gzip") {
-            gzip = Some(weight > 0.0);
+        if coding.eq_ignore_ascii_case(wanted) {
+            named = Some(weight > 0.0);
         } else if coding == "*" {
             all = Some(weight > 0.0);
         }
     }
-    gzip.or(all).unwrap_or(false)
+    named.or(all).unwrap_or(false)
 }
 
 #[cfg(test)]
@@ -141,8 +169,8 @@ mod tests {
             ("gzipped", false),
         ] {
             let headers = HeaderMap::from_iter([(header::ACCEPT_ENCODING, HeaderValue::from_static(field))]);
-            assert_eq!(takes_gzip(&headers), expected, "{field}");
+            assert_eq!(takes(&headers, "gzip"), expected, "{field}");
         }
-        assert!(!takes_gzip(&HeaderMap::new()));
+        assert!(!takes(&HeaderMap::new(), "gzip"));
     }
 }

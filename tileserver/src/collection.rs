@@ -13,9 +13,10 @@ use tokio::sync::Mutex;
 
 use crate::{
     Error, Options, Result,
+    beside::{self, Beside},
     documents::{self, Document},
     reads::Reads,
-    store::{Folder, Identity, Listed, Objects, Store, StoreError, Version},
+    store::{Folder, Identity, Listed, Objects, Store, StoreError, Version, archive_name},
 };
 
 /// Archives of a collection that are served, the first ones by name. Each may be an open file, and a process may
@@ -39,6 +40,8 @@ pub struct Collection {
 #[derive(Default)]
 pub(crate) struct Listing {
     pub(crate) archives: BTreeMap<String, Entry>,
+    /// What lies beside them, by file name.
+    pub(crate) files: BTreeMap<String, Beside>,
     /// When the store was asked; `None` before the first time.
     asked: Option<Instant>,
     /// Whether it answered. If not, the archives are those of the time before.
@@ -50,7 +53,7 @@ impl Listing {
     /// The catalogue, made when it is first asked for.
     pub(crate) fn catalogue(&self) -> &Document {
         self.catalogue
-            .get_or_init(|| documents::catalogue(&self.archives))
+            .get_or_init(|| documents::catalogue(&self.archives, &self.files))
     }
 }
 
@@ -164,6 +167,15 @@ impl Collection {
         Arc::clone(&self.listing.read().unwrap_or_else(PoisonError::into_inner))
     }
 
+    /// Opens a file of the list as it is now.
+    pub(crate) async fn open_file(
+        &self,
+        reads: &Reads,
+        file: &str,
+    ) -> std::result::Result<Arc<dyn Version>, StoreError> {
+        reads.ask(|| self.store.open(file)).await
+    }
+
     /// Archives as they are now, or were at most `age` ago. One look at the store serves all who ask meanwhile, and
     /// goes on when they leave. Where the store does not answer, the last list stands.
     pub(crate) async fn fresh(self: &Arc<Self>, reads: &Arc<Reads>, age: Duration) -> Arc<Listing> {
@@ -183,6 +195,7 @@ impl Collection {
                 tracing::error!(%error, "the archives cannot be listed: those known are served on");
                 collection.replace(Listing {
                     archives: known.archives.clone(),
+                    files: known.files.clone(),
                     asked: Some(now),
                     ..Listing::default()
                 });
@@ -197,13 +210,20 @@ impl Collection {
     async fn refresh(&self, reads: &Reads) -> std::result::Result<(), StoreError> {
         let (old, asked) = (self.listing(), Instant::now());
         let listed = reads.ask(|| self.store.list()).await?;
-        let entries = stream::iter(listed).map(|listed| async {
-            let entry = self.entry(reads, &listed, old.archives.get(&listed.name)).await;
-            (listed.name, entry)
+        let files = beside::look(&*self.store, reads, &listed, &old.files).await;
+        let entries = stream::iter(listed).filter_map(async |listed| {
+            let name = archive_name(&listed.file)?.to_owned();
+            Some((name, listed))
+        });
+        let known = &old.archives;
+        let entries = entries.map(|(name, listed)| async move {
+            let entry = self.entry(reads, &name, &listed, known.get(&name)).await;
+            (name, entry)
         });
         let archives = entries.buffered(OPENING).collect().await;
         self.replace(Listing {
             archives,
+            files,
             asked: Some(asked),
             reachable: true,
             catalogue: OnceLock::new(),
@@ -216,8 +236,7 @@ impl Collection {
     }
 
     /// The old entry of an archive if it has not changed, else a new one.
-    async fn entry(&self, reads: &Reads, listed: &Listed, old: Option<&Entry>) -> Entry {
-        let name = &*listed.name;
+    async fn entry(&self, reads: &Reads, name: &str, listed: &Listed, old: Option<&Entry>) -> Entry {
         let identity = match &listed.identity {
             Ok(identity) => identity,
             Err(error) => return broken(name, None, error, old),
@@ -233,7 +252,7 @@ impl Collection {
             }
             _ => {}
         }
-        match Served::open(&*self.store, reads, name, identity).await {
+        match Served::open(&*self.store, reads, name, &listed.file, identity).await {
             Ok(served) => {
                 tracing::info!(
                     archive = name,
@@ -270,6 +289,7 @@ impl Served {
         store: &dyn Store,
         reads: &Reads,
         name: &str,
+        file: &str,
         listed: &Identity,
     ) -> std::result::Result<Self, (String, bool)> {
         let of_store = |error: StoreError| {
@@ -277,7 +297,7 @@ impl Served {
             (error.to_string(), passes)
         };
         let of_archive = |error: tileset::Error| (error.to_string(), false);
-        let version = reads.ask(|| store.open(name)).await.map_err(of_store)?;
+        let version = reads.ask(|| store.open(file)).await.map_err(of_store)?;
         let length = version.bytes();
         let cut = |needed: u64| (format!("it ends at byte {length}, {needed} are needed"), false);
         let header_bytes = length.min(HEADER_BYTES as u64);

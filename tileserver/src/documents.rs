@@ -9,12 +9,21 @@ use serde::Serialize;
 use tileset::{Manifest, Record, archive::Index};
 use xxhash_rust::xxh3::xxh3_128;
 
-use crate::collection::{Entry, Served};
+use crate::{
+    answer::Keep,
+    beside::{self, Beside},
+    collection::{Entry, Served},
+    store::Kind,
+};
 
 /// A document, plain and compressed, once for all who ask for it.
 pub(crate) struct Document {
+    /// Media type.
+    pub(crate) kind: &'static str,
+    pub(crate) keep: Keep,
     pub(crate) plain: Encoded,
-    pub(crate) gzip: Encoded,
+    pub(crate) gzip: Option<Encoded>,
+    pub(crate) brotli: Option<Encoded>,
 }
 
 /// A form of a document, and its strong ETag: other bytes have another one.
@@ -26,6 +35,17 @@ pub(crate) struct Encoded {
 #[derive(Serialize)]
 struct Catalogue<'a> {
     archives: Vec<CatalogueEntry<'a>>,
+    scenes: Vec<Scene<'a>>,
+}
+
+/// A scene beside the archives.
+#[derive(Serialize)]
+struct Scene<'a> {
+    name: &'a str,
+    bytes: u64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    thumbnail: Option<String>,
+    url: String,
 }
 
 #[derive(Serialize)]
@@ -38,6 +58,7 @@ enum CatalogueEntry<'a> {
 #[derive(Serialize)]
 struct Summary<'a> {
     name: &'a str,
+    title: &'a str,
     id: String,
     bytes: u64,
     width: u32,
@@ -45,6 +66,8 @@ struct Summary<'a> {
     views: usize,
     lights: usize,
     components: u32,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    thumbnail: Option<String>,
     urls: Urls,
 }
 
@@ -112,13 +135,21 @@ fn escape(name: &str) -> String {
     escaped
 }
 
-fn summary(served: &Served) -> Summary<'_> {
+/// The address of a thumbnail, which caches may keep for good.
+fn thumbnail(files: &BTreeMap<String, Beside>, stem: &str) -> Option<String> {
+    let (file, hash) = beside::thumbnail(files, stem)?;
+    Some(format!("files/{hash:032x}/{}", escape(&file)))
+}
+
+fn summary<'a>(served: &'a Served, files: &BTreeMap<String, Beside>) -> Summary<'a> {
     let Index {
         manifest, file_bytes, ..
     } = &served.index;
     let id = served.id();
     Summary {
         name: &served.name,
+        title: &manifest.name,
+        thumbnail: thumbnail(files, &served.name),
         bytes: *file_bytes,
         width: manifest.width,
         height: manifest.height,
@@ -131,13 +162,24 @@ fn summary(served: &Served) -> Summary<'_> {
 }
 
 /// The catalogue of a collection.
-pub(crate) fn catalogue(archives: &BTreeMap<String, Entry>) -> Document {
+pub(crate) fn catalogue(archives: &BTreeMap<String, Entry>, files: &BTreeMap<String, Beside>) -> Document {
     let archives = archives.iter().map(|(name, entry)| match entry {
-        Entry::Ready(served) => CatalogueEntry::Ready(summary(served)),
+        Entry::Ready(served) => CatalogueEntry::Ready(summary(served, files)),
         Entry::Broken { error, .. } => CatalogueEntry::Broken { name, error },
+    });
+    let scenes = files.iter().filter(|(_, file)| file.kind == Kind::Scene);
+    let scenes = scenes.filter_map(|(file, beside)| {
+        let name = beside::stem(file)?;
+        Some(Scene {
+            name,
+            bytes: beside.bytes,
+            thumbnail: thumbnail(files, name),
+            url: format!("files/{}", escape(file)),
+        })
     });
     json(&Catalogue {
         archives: archives.collect(),
+        scenes: scenes.collect(),
     })
 }
 
@@ -177,19 +219,23 @@ fn json(document: &impl Serialize) -> Document {
     // Only maps with keys that are no strings, and writers that fail, can fail here: there are none.
     let plain = serde_json::to_vec(document).unwrap_or_default();
     let mut gzip = GzEncoder::new(Vec::new(), Compression::default());
-    let gzip = gzip
-        .write_all(&plain)
-        .and_then(|()| gzip.finish())
-        .unwrap_or_default();
-    let hash = xxh3_128(&plain);
+    let gzip = gzip.write_all(&plain).and_then(|()| gzip.finish());
     Document {
-        plain: Encoded {
-            bytes: plain.into(),
-            etag: format!("\"{hash:032x}\""),
-        },
-        gzip: Encoded {
-            bytes: gzip.into(),
-            etag: format!("\"{hash:032x}-gzip\""),
-        },
+        kind: "application/json",
+        keep: Keep::Shortly,
+        plain: Encoded::new(plain.into(), ""),
+        gzip: gzip.ok().map(|bytes| Encoded::new(bytes.into(), "gz")),
+        brotli: None,
+    }
+}
+
+impl Encoded {
+    /// A content, and its hash as ETag; `form` tells encodings apart.
+    pub(crate) fn new(bytes: Bytes, form: &str) -> Self {
+        let (hash, dash) = (xxh3_128(&bytes), if form.is_empty() { "" } else { "-" });
+        Self {
+            bytes,
+            etag: format!("\"{hash:032x}{dash}{form}\""),
+        }
     }
 }

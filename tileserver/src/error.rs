@@ -14,6 +14,14 @@ pub enum Error {
         /// The system's own error.
         source: std::io::Error,
     },
+    /// The files of the web page cannot be served.
+    #[error("the web page in {} cannot be served: {source}", path.display())]
+    Pages {
+        /// The folder.
+        path: PathBuf,
+        /// What is wrong with it.
+        source: std::io::Error,
+    },
     /// The archives cannot be reached.
     #[error("{url} cannot be served: {reason}")]
     Source {

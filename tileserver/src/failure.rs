@@ -36,9 +36,8 @@ impl Failure {
         Self::not_found(format!("no archive {name:?} here: GET /v1/ lists what there is"))
     }
 
-    /// The archive is there with another content.
-    pub(crate) fn gone(name: &str, id: &str) -> Self {
-        let detail = format!("archive {name:?} is now {id}: GET its manifest again");
+    /// It is there with another content.
+    pub(crate) fn gone(detail: impl Into<String>) -> Self {
         Self::new(StatusCode::GONE, "gone", detail)
     }
 
@@ -61,12 +60,12 @@ impl Failure {
     }
 
     pub(crate) fn precondition_failed() -> Self {
-        let detail = "the archive is not the one that If-Match names: GET its manifest again";
+        let detail = "it is not what If-Match names any more: GET its manifest or the catalogue again";
         Self::new(StatusCode::PRECONDITION_FAILED, "precondition-failed", detail)
     }
 
     pub(crate) fn range_not_satisfiable(detail: &str, length: u64) -> Self {
-        let detail = format!("{detail}; the archive has {length} bytes");
+        let detail = format!("{detail}; the file has {length} bytes");
         let mut failure = Self::new(StatusCode::RANGE_NOT_SATISFIABLE, "range-not-satisfiable", detail);
         failure.header = HeaderValue::try_from(format!("bytes */{length}"))
             .ok()

@@ -2,7 +2,7 @@
 //!
 //! - [`Store`]: where archives lie: a [`Folder`], [`Objects`] of a bucket, or what a program brings.
 //! - [`Collection`]: the archives of a store, found by listing it, opened once.
-//! - [`Site`]: collections and their places, and the certificate.
+//! - [`Site`]: collections and their places, the files of a web page ([`StaticFiles`]), and the certificate.
 //! - [`fn@run`]: the service on a socket, until it is told to stop; [`router`] for programs that bring their own.
 //!
 //! A record is checked against its hash before it is sent; addresses of records carry the content id of their
@@ -19,6 +19,7 @@
 
 mod answer;
 mod batch;
+mod beside;
 mod budget;
 mod collection;
 mod conditional;
@@ -42,10 +43,12 @@ mod routes;
 mod run;
 mod service;
 mod site;
+mod static_files;
 mod status;
 pub mod store;
 mod tls;
 
+pub use beside::MAX_FILES;
 pub use collection::{Collection, MAX_ARCHIVES};
 pub use error::{Error, Result};
 pub use open_files::raise_open_files;
@@ -53,5 +56,6 @@ pub use options::Options;
 pub use routes::router;
 pub use run::run;
 pub use site::Site;
+pub use static_files::StaticFiles;
 pub use store::{Folder, Objects, Store};
 pub use tls::Tls;

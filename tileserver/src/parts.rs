@@ -1,4 +1,4 @@
-//! Ranges of an archive as a body that is read while it is sent.
+//! Ranges of a stored file as a body that is read while it is sent.
 
 use std::{
     collections::VecDeque,
@@ -13,7 +13,7 @@ use std::{
 use bytes::Bytes;
 use hyper::body::{Body, Frame, SizeHint};
 
-use crate::{collection::Served, records::Records};
+use crate::{records::Records, store::Version};
 
 /// Bytes that are read at once: enough to keep a disk and a socket busy.
 const PART_BYTES: u64 = 256 << 10;
@@ -24,7 +24,7 @@ type Reading = Pin<Box<dyn Future<Output = io::Result<Bytes>> + Send>>;
 enum Piece {
     /// What stands between ranges.
     Text(Bytes),
-    /// Bytes of the archive.
+    /// Bytes of the file.
     Range(Range<u64>),
 }
 
@@ -37,33 +37,34 @@ impl Piece {
     }
 }
 
-/// Pieces of an archive. A part is read when the connection has room for it, and not before.
-pub(crate) struct ArchiveBody {
-    served: Arc<Served>,
+/// Pieces of a file. A part is read when the connection has room for it, and not before.
+pub(crate) struct FileBody {
+    version: Arc<dyn Version>,
     records: Arc<Records>,
     left: VecDeque<Piece>,
     left_bytes: u64,
     reading: Option<Reading>,
 }
 
-impl ArchiveBody {
+impl FileBody {
     /// One range.
-    pub(crate) fn one(served: Arc<Served>, records: Arc<Records>, range: Range<u64>) -> Self {
-        Self::new(served, records, VecDeque::from([Piece::Range(range)]))
+    pub(crate) fn one(version: Arc<dyn Version>, records: Arc<Records>, range: Range<u64>) -> Self {
+        Self::new(version, records, VecDeque::from([Piece::Range(range)]))
     }
 
     /// Several ranges as `multipart/byteranges` (RFC 9110, section 14.6) with this boundary.
     pub(crate) fn multipart(
-        served: Arc<Served>,
+        version: Arc<dyn Version>,
         records: Arc<Records>,
         ranges: Vec<Range<u64>>,
+        kind: &str,
         boundary: &str,
     ) -> Self {
-        let length = served.index.file_bytes;
+        let length = version.bytes();
         let mut pieces = VecDeque::new();
         for range in ranges {
             let head = format!(
-                "\r\n--{boundary}\r\ncontent-type: application/octet-stream\r\n\
+                "\r\n--{boundary}\r\ncontent-type: {kind}\r\n\
                  content-range: bytes {}-{}/{length}\r\n\r\n",
                 range.start,
                 range.end - 1,
@@ -71,12 +72,12 @@ impl ArchiveBody {
             pieces.extend([Piece::Text(head.into()), Piece::Range(range)]);
         }
         pieces.push_back(Piece::Text(format!("\r\n--{boundary}--\r\n").into()));
-        Self::new(served, records, pieces)
+        Self::new(version, records, pieces)
     }
 
-    fn new(served: Arc<Served>, records: Arc<Records>, left: VecDeque<Piece>) -> Self {
+    fn new(version: Arc<dyn Version>, records: Arc<Records>, left: VecDeque<Piece>) -> Self {
         Self {
-            served,
+            version,
             records,
             left_bytes: left.iter().map(Piece::bytes).sum(),
             left,
@@ -91,16 +92,16 @@ impl ArchiveBody {
 
     /// Begins with the next part. An error can only be told by breaking off the connection.
     fn read(&self, range: Range<u64>) -> Reading {
-        let (served, records) = (Arc::clone(&self.served), Arc::clone(&self.records));
+        let (version, records) = (Arc::clone(&self.version), Arc::clone(&self.records));
         Box::pin(async move {
             let room = records.budget.room(range.end - range.start).await;
             let room = room.map_err(|_| io::Error::other("the server has no room to read on"))?;
             let bytes = records
                 .reads
-                .read(&*served.version, range.clone())
+                .read(&*version, range.clone())
                 .await
                 .map_err(|error| {
-                    tracing::error!(archive = served.name, ?range, %error, "the archive cannot be read");
+                    tracing::error!(content = %version.identity(), ?range, %error, "a file cannot be read");
                     io::Error::other(error)
                 })?;
             Ok(room.hold(bytes))
@@ -108,7 +109,7 @@ impl ArchiveBody {
     }
 }
 
-impl Body for ArchiveBody {
+impl Body for FileBody {
     type Data = Bytes;
     type Error = io::Error;
 

@@ -1,12 +1,12 @@
 //! Addresses and what they answer.
 
-use std::{sync::Arc, time::Duration};
+use std::{borrow::Cow, sync::Arc, time::Duration};
 
 use axum::{
     Extension, Router,
     body::Body,
     extract::{Path, State, rejection::PathRejection},
-    http::{HeaderMap, HeaderName, HeaderValue, Method, StatusCode, header},
+    http::{HeaderMap, HeaderName, HeaderValue, Method, StatusCode, Uri, header},
     middleware,
     response::Response,
     routing::get,
@@ -22,11 +22,12 @@ use crate::{
     failure::Failure,
     guard, log,
     outlet::Outlet,
-    parts::ArchiveBody,
+    parts::FileBody,
     range::{self, Wanted},
     records::What,
     service::{Service, Shared},
     status,
+    store::Version,
 };
 
 type Serving = State<Arc<Service>>;
@@ -49,7 +50,7 @@ pub(crate) fn build(site: Site, options: &Options) -> (Router, Arc<Shared>) {
         .iter()
         .map(|(_, collection)| Arc::clone(collection))
         .collect();
-    let shared = Arc::new(Shared::new(options, all));
+    let shared = Arc::new(Shared::new(options, all, site.static_files));
     let mut router = status::routes(&shared);
     for (place, collection) in collections {
         let service = Arc::new(Service {
@@ -64,7 +65,7 @@ pub(crate) fn build(site: Site, options: &Options) -> (Router, Arc<Shared>) {
         };
     }
     let router = router
-        .fallback(async || Failure::not_found("no such address: GET /v1/ lists what there is"))
+        .merge(Router::new().fallback(elsewhere).with_state(Arc::clone(&shared)))
         .method_not_allowed_fallback(async || Failure::method_not_allowed())
         .layer(middleware::from_fn_with_state(Arc::clone(&shared), guard::admit))
         .layer(cors())
@@ -101,6 +102,8 @@ fn collection_routes(service: Arc<Service>) -> Router {
         .route("/v1", get(catalogue))
         .route("/v1/", get(catalogue))
         .route("/v1/{file}", get(archive_or_manifest))
+        .route("/v1/files/{file}", get(file))
+        .route("/v1/files/{hash}/{file}", get(hashed_file))
         .route("/v1/{name}/{id}/index", get(index))
         .route("/v1/{name}/{id}/page/{group}/{mip}/{x}/{y}", get(page))
         .route("/v1/{name}/{id}/column/{group}", get(column))
@@ -133,11 +136,55 @@ async fn archive_or_manifest(
     }
 }
 
-/// The whole archive or ranges of it, as it stands in the store.
 async fn archive(service: &Service, name: &str, method: &Method, headers: &HeaderMap) -> Answer {
     let served = service.newest(name).await?;
-    let length = served.index.file_bytes;
-    let mut fields = Fields::binary(format!("\"{}\"", served.id()), Keep::Shortly, service.private());
+    let fields = Fields::binary(format!("\"{}\"", served.id()), Keep::Shortly, service.private());
+    stored(service, fields, Arc::clone(&served.version), method, headers)
+}
+
+/// A file beside the archives, as it is now.
+async fn file(State(service): Serving, method: Method, headers: HeaderMap, path: Segments<String>) -> Answer {
+    let Path(name) = segments(path)?;
+    beside(&service, &name, None, &method, &headers).await
+}
+
+/// A file beside the archives, with the hash of its content.
+async fn hashed_file(
+    State(service): Serving,
+    method: Method,
+    headers: HeaderMap,
+    path: Segments<(String, String)>,
+) -> Answer {
+    let Path((hash, name)) = segments(path)?;
+    beside(&service, &name, Some(&hash), &method, &headers).await
+}
+
+async fn beside(
+    service: &Service,
+    name: &str,
+    hash: Option<&str>,
+    method: &Method,
+    headers: &HeaderMap,
+) -> Answer {
+    let (fields, version) = service.beside(name, hash).await?;
+    let mut response = stored(service, fields, version, method, headers)?;
+    // Whatever it holds, it is what its ending says.
+    let nosniff = HeaderValue::from_static("nosniff");
+    response
+        .headers_mut()
+        .insert(header::X_CONTENT_TYPE_OPTIONS, nosniff);
+    Ok(response)
+}
+
+/// A whole file or ranges of it, as it stands in the store.
+fn stored(
+    service: &Service,
+    mut fields: Fields,
+    version: Arc<dyn Version>,
+    method: &Method,
+    headers: &HeaderMap,
+) -> Answer {
+    let length = version.bytes();
     if !conditional::matches(headers, &fields.etag) {
         return Err(Failure::precondition_failed());
     }
@@ -155,25 +202,23 @@ async fn archive(service: &Service, name: &str, method: &Method, headers: &Heade
     let records = Arc::clone(&service.shared.records);
     let (status, content_range, body) = match wanted {
         Wanted::Refused(detail) => return Err(Failure::range_not_satisfiable(detail, length)),
-        Wanted::Whole => (StatusCode::OK, None, ArchiveBody::one(served, records, 0..length)),
+        Wanted::Whole => (StatusCode::OK, None, FileBody::one(version, records, 0..length)),
         Wanted::Parts(ranges) if ranges.len() == 1 => {
             let range = ranges[0].clone();
             let field = format!("bytes {}-{}/{length}", range.start, range.end - 1);
-            (
-                StatusCode::PARTIAL_CONTENT,
-                Some(field),
-                ArchiveBody::one(served, records, range),
-            )
+            let body = FileBody::one(version, records, range);
+            (StatusCode::PARTIAL_CONTENT, Some(field), body)
         }
         Wanted::Parts(ranges) => {
-            // Anything that does not stand in the archive; its id and the ranges make that as sure as can be.
+            // Anything that does not stand in the file; its ETag and the ranges make that as sure as can be.
             let boundary = format!(
                 "{:016x}",
-                xxh3_64(format!("{}{ranges:?}", served.id()).as_bytes())
+                xxh3_64(format!("{}{ranges:?}", fields.etag).as_bytes())
             );
             let kind = HeaderValue::try_from(format!("multipart/byteranges; boundary={boundary}"));
-            fields.kind = kind.unwrap_or(fields.kind);
-            let body = ArchiveBody::multipart(served, records, ranges, &boundary);
+            let of_parts = std::mem::replace(&mut fields.kind, kind.unwrap_or(HeaderValue::from_static("")));
+            let of_parts = of_parts.to_str().unwrap_or_default();
+            let body = FileBody::multipart(version, records, ranges, of_parts, &boundary);
             (StatusCode::PARTIAL_CONTENT, None, body)
         }
     };
@@ -184,6 +229,41 @@ async fn archive(service: &Service, name: &str, method: &Method, headers: &Heade
     out.extend(content_range.and_then(|field| Some((header::CONTENT_RANGE, field.try_into().ok()?))));
     *response.body_mut() = Body::new(body);
     Ok(response)
+}
+
+/// A file of the web page, or nothing.
+async fn elsewhere(
+    State(shared): State<Arc<Shared>>,
+    method: Method,
+    uri: Uri,
+    headers: HeaderMap,
+) -> Answer {
+    let path = percent_decode(uri.path());
+    match path.and_then(|path| shared.static_files.find(&path)) {
+        Some(_) if method != Method::GET && method != Method::HEAD => Err(Failure::method_not_allowed()),
+        Some(file) => Ok(answer::static_file(file, &headers)),
+        None => Err(Failure::not_found(
+            "no such address: GET /v1/ lists what there is",
+        )),
+    }
+}
+
+/// A path without escapes; `None` if it is no UTF-8.
+fn percent_decode(path: &str) -> Option<Cow<'_, str>> {
+    if !path.contains('%') {
+        return Some(path.into());
+    }
+    let (mut bytes, mut rest) = (Vec::with_capacity(path.len()), path.as_bytes());
+    while let [first, tail @ ..] = rest {
+        let digits = tail
+            .get(..2)
+            .filter(|digits| *first == b'%' && digits.iter().all(u8::is_ascii_hexdigit));
+        let escaped =
+            digits.and_then(|digits| u8::from_str_radix(std::str::from_utf8(digits).ok()?, 16).ok());
+        bytes.push(escaped.unwrap_or(*first));
+        rest = &tail[if escaped.is_some() { 2 } else { 0 }..];
+    }
+    String::from_utf8(bytes).ok().map(Cow::Owned)
 }
 
 async fn index(State(service): Serving, headers: HeaderMap, path: Segments<(String, String)>) -> Answer {

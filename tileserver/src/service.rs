@@ -9,7 +9,7 @@ use bytes::Bytes;
 use tokio::sync::Semaphore;
 
 use crate::{
-    Collection, Options,
+    Collection, Options, StaticFiles,
     collection::{Entry, Served},
     failure::Failure,
     metrics::Metrics,
@@ -22,6 +22,7 @@ pub(crate) struct Shared {
     pub(crate) metrics: Arc<Metrics>,
     pub(crate) records: Arc<Records>,
     pub(crate) collections: Vec<Arc<Collection>>,
+    pub(crate) static_files: StaticFiles,
     /// Requests in progress.
     pub(crate) requests: Arc<Semaphore>,
     /// Whether the end is near.
@@ -29,13 +30,18 @@ pub(crate) struct Shared {
 }
 
 impl Shared {
-    pub(crate) fn new(options: &Options, collections: Vec<Arc<Collection>>) -> Self {
+    pub(crate) fn new(
+        options: &Options,
+        collections: Vec<Arc<Collection>>,
+        static_files: StaticFiles,
+    ) -> Self {
         let metrics = Arc::new(Metrics::default());
         Self {
             options: *options,
             records: Arc::new(Records::new(options, Arc::clone(&metrics))),
             metrics,
             collections,
+            static_files,
             requests: Arc::new(Semaphore::new(options.requests.clamp(1, Semaphore::MAX_PERMITS))),
             draining: AtomicBool::new(false),
         }
@@ -61,6 +67,11 @@ impl Service {
 
     async fn looked(&self, age: Duration) -> Arc<crate::collection::Listing> {
         self.collection.fresh(&self.shared.records.reads, age).await
+    }
+
+    /// The archives as they are at this moment.
+    pub(crate) async fn look_again(&self) -> Arc<crate::collection::Listing> {
+        self.looked(Duration::ZERO).await
     }
 
     /// The archive of this name as the store has it now.
@@ -89,7 +100,8 @@ impl Service {
         if served.index.id == number {
             Ok(served)
         } else {
-            Err(Failure::gone(name, &served.id()))
+            let detail = format!("archive {name:?} is now {}: GET its manifest again", served.id());
+            Err(Failure::gone(detail))
         }
     }
 
@@ -102,7 +114,7 @@ impl Service {
                 Ok(bytes) => return Ok(bytes),
                 Err(ReadError::Changed) if again => {
                     again = false;
-                    self.looked(Duration::ZERO).await;
+                    self.look_again().await;
                     served = self.pinned(&served.name, &served.id()).await?;
                 }
                 Err(error) => return Err(read_failure(&served, what, error)),

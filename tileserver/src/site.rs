@@ -1,6 +1,6 @@
-//! What one server serves: collections, each at its place, and the certificate if there is one.
+//! What one server serves: collections, each at its place, a web page at the root, and the certificate if there is one.
 
-use crate::{Collection, Error, Result, Tls};
+use crate::{Collection, Error, Result, StaticFiles, Tls};
 
 /// Places that addresses of the server itself have.
 const TAKEN: [&str; 4] = ["v1", "health", "ready", "metrics"];
@@ -9,6 +9,7 @@ const TAKEN: [&str; 4] = ["v1", "health", "ready", "metrics"];
 #[derive(Default)]
 pub struct Site {
     pub(crate) collections: Vec<(String, Collection)>,
+    pub(crate) static_files: StaticFiles,
     pub(crate) tls: Option<Tls>,
 }
 
@@ -35,6 +36,12 @@ impl Site {
         self.collections.is_empty()
     }
 
+    /// Serves files at `/`, wherever nothing else has an address. They need no token.
+    #[must_use]
+    pub fn with_static_files(self, static_files: StaticFiles) -> Self {
+        Self { static_files, ..self }
+    }
+
     /// Serves with TLS only.
     #[must_use]
     pub fn with_tls(self, tls: Tls) -> Self {
@@ -49,7 +56,7 @@ impl From<Collection> for Site {
     fn from(collection: Collection) -> Self {
         Self {
             collections: vec![(String::new(), collection)],
-            tls: None,
+            ..Self::default()
         }
     }
 }

@@ -1,8 +1,9 @@
-//! Set-up, demo and tests of the whole workspace: `cargo xtask setup|demo|test|fuzz`.
+//! Set-up, demo and tests of the whole workspace: `cargo xtask setup|demo|test|web|fuzz`.
 
 mod fuzz;
 mod setup;
 mod steps;
+mod web;
 
 use std::process::ExitCode;
 
@@ -16,6 +17,7 @@ Usage: cargo xtask COMMAND
                says what to install elsewhere
   demo [ARGS]  set up, build, and run `eigentile demo ARGS`
   test         set up; formatting, clippy, all tests, documentation; warnings are errors
+  web          build the viewer for browsers: module, page and npm package, in web/dist
   fuzz [SECONDS]
                run every fuzz target for so long (60), with a C++ compiler; what they find is kept in target/fuzz
 
@@ -70,6 +72,7 @@ fn run(arguments: &[String]) -> Result<()> {
                     .run()
             })?;
         }
+        Some(("web", [])) => steps.run("web", web::build)?,
         Some(("fuzz", rest @ ([] | [_]))) => {
             let seconds = match rest {
                 [seconds] => seconds.parse().with_context(|| format!("seconds: {seconds:?}"))?,

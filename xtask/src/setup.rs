@@ -49,11 +49,7 @@ pub(crate) fn setup() -> Result<()> {
     if !is_root() {
         bail!("no {}: run `sudo {command}`", missing.join(", no "));
     }
-    // The lists of a fresh container are empty or old: fetch them only if the first try fails.
-    if install().is_err() {
-        apt_get().args(["update"]).run()?;
-        install()?;
-    }
+    apt_install(&PACKAGES)?;
     note(&missing_for_tests());
     match self::missing() {
         missing if missing.is_empty() => Ok(()),
@@ -64,11 +60,23 @@ pub(crate) fn setup() -> Result<()> {
     }
 }
 
-fn install() -> Result<()> {
-    apt_get()
-        .args(["install", "-y", "--no-install-recommends"])
-        .args(PACKAGES)
-        .run()
+/// Whether packages can be installed here.
+pub(crate) fn is_debian_root() -> bool {
+    found_on_path("apt-get") && is_root()
+}
+
+/// Installs packages. The lists of a fresh container are empty or old: they are fetched only if the first try fails.
+pub(crate) fn apt_install(packages: &[&str]) -> Result<()> {
+    let install = || {
+        apt_get()
+            .args(["install", "-y", "--no-install-recommends"])
+            .args(packages)
+            .run()
+    };
+    install().or_else(|_| {
+        apt_get().args(["update"]).run()?;
+        install()
+    })
 }
 
 fn apt_get() -> Program {

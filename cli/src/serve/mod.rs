@@ -1,6 +1,7 @@
 //! `eigentile serve`: archives of folders and buckets over HTTP.
 
 mod settings;
+mod viewer;
 
 use std::io::{IsTerminal, Write};
 use std::net::SocketAddr;
@@ -9,7 +10,7 @@ use std::path::PathBuf;
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use serde_json::json;
-use tileserver::{Collection, Site, Tls};
+use tileserver::{Collection, Site, StaticFiles, Tls};
 use tokio::net::TcpListener;
 use tracing_subscriber::EnvFilter;
 
@@ -38,6 +39,7 @@ const DEFAULT_LISTEN: SocketAddr = SocketAddr::new(std::net::IpAddr::V4(std::net
 const EXAMPLES: &str = "\
 Examples:
   eigentile serve tiles
+  eigentile serve tiles --site web/dist
   eigentile serve tiles --listen 0.0.0.0:443 --tls-certificate site.pem --tls-key site.key
   AWS_REGION=eu-north-1 eigentile serve s3://bucket/tiles --cache 2GiB
   eigentile serve --config serve.toml
@@ -77,6 +79,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         (None, None) => None,
         _ => bail!("a certificate and its key belong together: give --tls-certificate and --tls-key"),
     };
+    let pages = match &settings.site {
+        Some(folder) => StaticFiles::from_folder(folder)?,
+        None => viewer::built_in(),
+    };
     tileserver::raise_open_files();
     let runtime = tokio::runtime::Runtime::new().context("cannot start the server's threads")?;
     runtime.block_on(async {
@@ -109,6 +115,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         } else {
             writeln!(std::io::stdout().lock(), "listening on {address}")?;
         }
+        site = site.with_static_files(pages);
         if let Some(tls) = tls {
             site = site.with_tls(tls);
         }

@@ -124,6 +124,8 @@ settings! {
     tls_key: PathBuf, "EIGENTILE_TLS_KEY", "FILE";
     /// Bearer tokens, one a line: answer only those who send one of them
     token_file: PathBuf, "EIGENTILE_TOKEN_FILE", "FILE";
+    /// Folder of a web page, served at / beside the archives [default: the viewer, where it is built in]
+    site: PathBuf, "EIGENTILE_SITE", "DIR";
     /// Connections at the same time; more wait [default: 16384]
     connections: usize, "EIGENTILE_CONNECTIONS", "N";
     /// Requests at the same time; more get 503 at once [default: 2048]

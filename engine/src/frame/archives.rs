@@ -167,6 +167,18 @@ impl Archives {
         read
     }
 
+    /// Asks for those that were given up again.
+    pub(super) fn ask_again(&mut self) {
+        for state in &mut self.states {
+            if let State::Failed(Failure { budget: false, .. }) = state {
+                *state = State::Waiting {
+                    attempts: 0,
+                    ticket: None,
+                };
+            }
+        }
+    }
+
     /// Gives an archive up.
     pub(super) fn give_up(&mut self, archive: usize, error: &Error, problems: &mut Problems) {
         self.states[archive] = State::Failed(Failure {

@@ -5,7 +5,7 @@
 //! `workers` (what must not hold up a frame), `problems` (what went wrong), `events` (what a program is told).
 //! `prefetch`, `ahead` and `motion`: views that are not shown yet. `budgets`: changes at run time.
 //! `page_format`: what the page cache holds. `outputs`: pictures
-//! and counters. `measured`: what measurements need. `policy`: who decides what is resident.
+//! and counters. `viewing`: what viewers change. `measured`: what measurements need. `policy`: who decides what is resident.
 
 mod ahead;
 mod archives;
@@ -24,6 +24,7 @@ mod prefetch;
 mod problems;
 mod records;
 mod stats;
+mod viewing;
 mod votes;
 mod workers;
 

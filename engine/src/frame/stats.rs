@@ -97,31 +97,43 @@ pub struct Counters {
     pub requests_failed: u64,
 }
 
-/// Measures phases. Browsers have no clock here: everything takes no time there.
+/// Measures phases.
 pub(super) struct Stopwatch {
-    #[cfg(not(target_arch = "wasm32"))]
-    start: std::time::Instant,
+    start: Duration,
 }
 
 impl Stopwatch {
     pub(super) fn start() -> Self {
-        Self {
-            #[cfg(not(target_arch = "wasm32"))]
-            start: std::time::Instant::now(),
-        }
+        Self { start: now() }
     }
 
     pub(super) fn elapsed(&self) -> Duration {
-        #[cfg(not(target_arch = "wasm32"))]
-        return self.start.elapsed();
-        #[cfg(target_arch = "wasm32")]
-        return Duration::ZERO;
+        now().saturating_sub(self.start)
     }
 
     /// Milliseconds since the start or the last lap.
     pub(super) fn lap(&mut self) -> f64 {
         let elapsed = self.elapsed();
-        *self = Self::start();
+        self.start += elapsed;
         elapsed.as_secs_f64() * 1e3
     }
+}
+
+/// Time since some moment.
+#[cfg(not(target_arch = "wasm32"))]
+fn now() -> Duration {
+    static START: std::sync::LazyLock<std::time::Instant> = std::sync::LazyLock::new(std::time::Instant::now);
+    START.elapsed()
+}
+
+/// Time since the page began; browsers round it to a tenth of a millisecond or so.
+#[cfg(target_arch = "wasm32")]
+fn now() -> Duration {
+    use wasm_bindgen::prelude::*;
+    #[wasm_bindgen]
+    extern "C" {
+        #[wasm_bindgen(js_namespace = performance)]
+        fn now() -> f64;
+    }
+    Duration::from_secs_f64(now().max(0.0) / 1e3)
 }

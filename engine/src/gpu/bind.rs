@@ -19,6 +19,8 @@ pub(super) enum Binding {
     /// Texels read one by one: floats, or unsigned integers.
     Floats,
     Integers,
+    /// A texture that is filtered.
+    Filtered,
     Sampler,
     /// Written.
     Picture(wgpu::TextureFormat),
@@ -50,6 +52,10 @@ impl Binding {
             Binding::Layers => texture(
                 wgpu::TextureSampleType::Float { filterable: true },
                 wgpu::TextureViewDimension::D2Array,
+            ),
+            Binding::Filtered => texture(
+                wgpu::TextureSampleType::Float { filterable: true },
+                wgpu::TextureViewDimension::D2,
             ),
             Binding::Words => texture(wgpu::TextureSampleType::Uint, wgpu::TextureViewDimension::D2Array),
             Binding::Floats => texture(

@@ -82,6 +82,16 @@ impl Context {
         )
     }
 
+    /// The device, for what a program draws beside the engine's pictures.
+    pub fn device(&self) -> &wgpu::Device {
+        &self.device
+    }
+
+    /// The device's queue.
+    pub fn queue(&self) -> &wgpu::Queue {
+        &self.queue
+    }
+
     /// Whether the adapter is a program that runs on the processor.
     pub fn is_software(&self) -> bool {
         self.device.adapter_info().device_type == wgpu::DeviceType::Cpu

@@ -110,7 +110,7 @@ fn instance(
     }
 }
 
-fn light(light: &Light) -> mirror::Light {
+pub(super) fn light(light: &Light) -> mirror::Light {
     let (vector, kind, intensity) = match *light {
         Light::Directional { to_light, irradiance } => (to_light, mirror::DIRECTIONAL, irradiance),
         Light::Point { position, intensity } => (position, mirror::POINT, intensity),

@@ -7,7 +7,7 @@
 //! materials), the caches (group 1: [`page_table`], [`page_cache`], [`column_cache`], directions) and what a pass reads
 //! and writes (group 2). [`Renderer`] owns all of it: `look` has what draws ids and asks for votes, `placing` what fills the caches, `outputs` what reads
 //! back. [`cutoff`] says which component groups matter, [`fade`] how new pages come in, [`page_format`] what a texel of the page
-//! cache is. `uploads` brings texels into both caches, `kept` shows the old page cache while
+//! cache is. [`Present`] shows pictures in a target that somebody else owns; `changing` replaces lights and meshes. `uploads` brings texels into both caches, `kept` shows the old page cache while
 //! one of another format fills. `resident` is what measurements compare with: the same without a page table. Nothing here decides what is
 //! resident. Meshes and lights may hold anything: what then is drawn is written down in `finite.wgsl`.
 //!
@@ -16,6 +16,7 @@
 
 mod bind;
 pub mod borders;
+mod changing;
 pub mod classify;
 pub mod column_cache;
 mod context;
@@ -33,6 +34,7 @@ pub mod page_cache;
 pub mod page_format;
 pub mod page_table;
 mod placing;
+mod present;
 mod readback;
 mod renderer;
 mod resident;
@@ -50,6 +52,7 @@ pub mod visibility;
 pub use context::Context;
 pub use look::Ask;
 pub use page_format::PageFormat;
+pub use present::{Area, Present};
 pub use renderer::Renderer;
 pub use resources::{Caches, Layout, Shading};
 pub use shade::ShadingWork;

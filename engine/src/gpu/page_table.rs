@@ -69,6 +69,15 @@ impl PageTable {
         self.regions.push(region);
     }
 
+    /// Says anew how many groups of a BTF matter, by tile.
+    pub fn set_matter(&mut self, btf: usize, matter: &[u16]) {
+        let region = self.regions[btf];
+        let tiles = region.pyramid.tile_count() as usize;
+        for (tile, &groups) in (1..=tiles).zip(matter) {
+            self.set(region.base as usize + tile * region.row(), groups.into());
+        }
+    }
+
     /// Gives the slots of all resident pages and columns new addresses.
     pub fn relocate(&mut self, page: impl Fn(u32) -> u32, column: impl Fn(u32) -> u32) {
         for region in 0..self.regions.len() {

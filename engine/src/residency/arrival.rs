@@ -51,6 +51,12 @@ impl Residency {
         failure.retry = self.now + wait;
     }
 
+    /// Forgets all failures: what could not be had is asked for with the next update.
+    pub fn retry(&mut self) {
+        self.unsettled |= !self.failures.is_empty();
+        self.failures.clear();
+    }
+
     /// Something has happened to an item: the next update has to look again.
     fn moved(&mut self, item: Item) {
         if self.rank(item).is_present() {

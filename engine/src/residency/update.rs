@@ -14,6 +14,7 @@ use super::{
 };
 
 /// Pages to value from which on more than one thread is worth waking.
+#[cfg(not(target_arch = "wasm32"))]
 const PARALLEL_PAGES: usize = 1 << 16;
 
 /// What the rank of a page that is not resident must exceed.
@@ -130,14 +131,9 @@ impl Residency {
         let set = |blocks: &mut Blocks, (material, votes): (&mut Material, &mut [Vec<(u32, u64)>; 2])| {
             material.set_votes(votes, now, pin, blocks);
         };
-        let tiles = |votes: &[Vec<(u32, u64)>; 2]| votes[0].len() + votes[1].len();
-        let pages: usize = changed
-            .iter()
-            .map(|(material, votes)| material.groups().len() * tiles(votes))
-            .sum();
         // Materials do not touch each other, so the result is the same with any number of threads.
         #[cfg(not(target_arch = "wasm32"))]
-        if pages >= PARALLEL_PAGES {
+        if pages(&changed) >= PARALLEL_PAGES {
             changed.into_par_iter().for_each_init(Blocks::default, set);
         } else {
             changed.into_iter().for_each(|one| set(&mut self.blocks, one));
@@ -412,4 +408,14 @@ fn sort(votes: &mut Vec<(u32, u64)>) {
         }
         same
     });
+}
+
+/// Pages of materials whose votes have changed.
+#[cfg(not(target_arch = "wasm32"))]
+fn pages(changed: &[(&mut Material, &mut [Vec<(u32, u64)>; 2])]) -> usize {
+    let tiles = |votes: &[Vec<(u32, u64)>; 2]| votes[0].len() + votes[1].len();
+    let pages = changed
+        .iter()
+        .map(|(material, votes)| material.groups().len() * tiles(votes));
+    pages.sum()
 }

@@ -22,7 +22,7 @@ static SHARED: Mutex<Vec<(u128, Weak<Index>)>> = Mutex::new(Vec::new());
 ///
 /// # Errors
 /// Those of [`Index::parse`].
-pub(super) fn parse_shared(prefix: &[u8]) -> Result<Arc<Index>> {
+pub fn parse_shared(prefix: &[u8]) -> Result<Arc<Index>> {
     let hash = xxh3_128(prefix);
     let known = |shared: &[(u128, Weak<Index>)]| {
         let (_, index) = shared.iter().find(|(known, _)| *known == hash)?;

@@ -57,6 +57,7 @@ mod transport;
 pub use background::BackgroundSource;
 #[cfg(not(target_arch = "wasm32"))]
 pub use disk::{DiskCacheOptions, DiskCachedSource};
+pub use directories::parse_shared;
 pub use faulty::{Faults, FaultySource};
 #[cfg(not(target_arch = "wasm32"))]
 pub use folder::FolderSource;

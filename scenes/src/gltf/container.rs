@@ -33,11 +33,21 @@ const COMPRESSION: [&str; 3] = [
 impl Container {
     pub(super) fn read(path: &Path) -> Result<Self> {
         let bytes = file::read(path, MAX_BYTES)?;
+        Self::parse(path, &bytes, |uri, length| beside(path, uri, length))
+    }
+
+    /// A file that is in memory already; `path` is its name in messages. Buffers that are neither in it nor behind it are read by
+    /// their relative URI and length.
+    pub(super) fn parse(
+        path: &Path,
+        bytes: &[u8],
+        mut read: impl FnMut(&str, u64) -> Detail<Vec<u8>>,
+    ) -> Result<Self> {
         let invalid = |detail| Error::Invalid {
             path: path.into(),
             detail,
         };
-        let (json, blob) = split(&bytes).map_err(invalid)?;
+        let (json, blob) = split(bytes).map_err(invalid)?;
         let root: Root = gltf::json::deserialize::from_slice(json).map_err(|error| {
             invalid(format!(
                 "not glTF 2.0: {error}; export the scene as .gltf or .glb"
@@ -79,7 +89,7 @@ impl Container {
                 None => return Err(invalid(format!("buffers[{index}] has no uri"))),
                 Some(uri) => match uri.strip_prefix("data:") {
                     Some(data) => embedded(data),
-                    None => beside(path, uri, length),
+                    None => read(uri, length),
                 }
                 .map_err(|detail| invalid(format!("buffers[{index}]: {detail}")))?,
             };
@@ -160,15 +170,7 @@ fn embedded(data: &str) -> Detail<Vec<u8>> {
 
 /// The first `length` bytes of a file below the scene's folder.
 fn beside(scene: &Path, uri: &str, length: u64) -> Detail<Vec<u8>> {
-    let relative = PathBuf::from(percent_decoded(uri)?);
-    let inside = relative
-        .components()
-        .all(|part| matches!(part, Component::Normal(_) | Component::CurDir));
-    if !inside || uri.contains(':') || uri.contains('\\') {
-        return Err(format!(
-            "uri {uri:?} leads out of the scene's folder; put the file below it"
-        ));
-    }
+    let relative = below(uri)?;
     let folder = match scene.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder,
         _ => Path::new("."),
@@ -188,6 +190,31 @@ fn beside(scene: &Path, uri: &str, length: u64) -> Detail<Vec<u8>> {
     let mut bytes = Vec::new(); // grows with what is there, not with what the scene says
     file.take(length).read_to_end(&mut bytes).map_err(failed)?;
     Ok(bytes)
+}
+
+/// The path of a buffer below the scene's folder.
+fn below(uri: &str) -> Detail<PathBuf> {
+    let relative = PathBuf::from(percent_decoded(uri)?);
+    let inside = relative
+        .components()
+        .all(|part| matches!(part, Component::Normal(_) | Component::CurDir));
+    if !inside || uri.contains(':') || uri.contains('\\') {
+        return Err(format!(
+            "uri {uri:?} leads out of the scene's folder; put the file below it"
+        ));
+    }
+    Ok(relative)
+}
+
+/// URIs of the buffers of a file in memory that lie beside it, as they are written there.
+pub(super) fn externals(bytes: &[u8]) -> Detail<Vec<String>> {
+    let (json, _) = split(bytes)?;
+    let root: Root = gltf::json::deserialize::from_slice(json)
+        .map_err(|error| format!("not glTF 2.0: {error}; export the scene as .gltf or .glb"))?;
+    let uris = root.buffers.into_iter().filter_map(|buffer| buffer.uri);
+    uris.filter(|uri| !uri.starts_with("data:"))
+        .map(|uri| below(&uri).map(|_| uri))
+        .collect()
 }
 
 fn percent_decoded(uri: &str) -> Detail<String> {

@@ -8,7 +8,7 @@ use gltf::json::scene::Node;
 use gltf::json::{Index, Root};
 
 use super::accessor::Reader;
-use super::container::Container;
+use super::container::{self, Container};
 use super::notes::Notes;
 use super::{Detail, MAX_INSTANCES, geometry, look};
 use crate::{Error, Instance, Mesh, Result, Scene};
@@ -41,6 +41,36 @@ pub fn open(path: &Path) -> Result<Loaded> {
     let container = Container::read(path)?;
     build(&container).map_err(|detail| Error::Invalid {
         path: path.into(),
+        detail,
+    })
+}
+
+/// As [`open`], of a file that is in memory: in a browser. `name` stands for it in messages, `buffers` are those of
+/// [`externals`], in the same order.
+///
+/// # Errors
+/// [`Error::Invalid`], as [`open`]; also if a buffer is missing.
+pub fn parse(name: &str, bytes: &[u8], buffers: Vec<Vec<u8>>) -> Result<Loaded> {
+    let path = Path::new(name);
+    let mut buffers = buffers.into_iter();
+    let container = Container::parse(path, bytes, |uri, _| {
+        let buffer = buffers.next();
+        buffer.ok_or_else(|| format!("uri {uri:?} was not loaded"))
+    })?;
+    build(&container).map_err(|detail| Error::Invalid {
+        path: path.into(),
+        detail,
+    })
+}
+
+/// What has to be loaded before [`parse`]: URIs of buffers that lie beside the file, relative to it and none of them above it, as
+/// they are written in it.
+///
+/// # Errors
+/// [`Error::Invalid`] if the file is no glTF, or a URI leads out of its folder.
+pub fn externals(name: &str, bytes: &[u8]) -> Result<Vec<String>> {
+    container::externals(bytes).map_err(|detail| Error::Invalid {
+        path: name.into(),
         detail,
     })
 }

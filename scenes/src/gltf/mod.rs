@@ -1,6 +1,7 @@
 //! Scenes from glTF 2.0 files (`.gltf` with external or embedded buffers, `.glb`), and scenes written as such.
 //!
-//! [`load()`] gives the scene alone, [`open`] also says what of the file is not shown, or was mended.
+//! [`load()`] gives the scene alone, [`open`] also says what of the file is not shown, or was mended. [`parse`] does the same with what
+//! is in memory.
 //!
 //! What is read: the default scene's nodes, triangle meshes, materials, perspective cameras, directional and
 //! point lights (KHR_lights_punctual), and the extensions `EIGENTILE_materials_btf` and
@@ -22,7 +23,7 @@ mod notes;
 mod tests;
 mod write;
 
-pub use load::{Loaded, load, open};
+pub use load::{Loaded, externals, load, open, parse};
 pub use notes::MAX_NOTES;
 pub use write::save;
 

@@ -6,7 +6,7 @@ use glam::{Vec2, Vec3};
 use proptest::prelude::*;
 use serde_json::{Value, json};
 
-use super::{Loaded, load, open};
+use super::{Loaded, externals, load, open, parse};
 use crate::{Error, Light, Scene, Surface};
 
 /// A triangle with indices in 8 bits and texture coordinates in normalized 16 bits, all in one buffer:
@@ -114,6 +114,24 @@ fn check(scene: &Scene) {
         (Vec3::new(0.1, 0.2, 0.3), Vec3::ZERO)
     );
     assert_eq!(scene.cameras[0].eye, Vec3::new(1.0, 2.0, 3.0));
+}
+
+#[test]
+fn files_in_memory_are_read_as_those_on_disk() {
+    let text = document().to_string();
+    assert_eq!(externals("scene.gltf", text.as_bytes()).unwrap(), ["tri%61ngle.bin"]);
+    check(&parse("scene.gltf", text.as_bytes(), vec![bytes()]).unwrap().scene);
+    let message = |result: Result<Loaded, Error>| result.unwrap_err().to_string();
+    assert!(message(parse("scene.gltf", text.as_bytes(), vec![])).contains("was not loaded"));
+    assert!(message(parse("a.gltf", text.as_bytes(), vec![vec![0; 50]])).contains("cut short"));
+    for uri in ["../up.bin", "/etc/passwd", "http://elsewhere/x.bin", "a/../../b.bin", "%2e%2e/b"] {
+        let mut document = document();
+        document["buffers"][0]["uri"] = uri.into();
+        let text = document.to_string();
+        let error = externals("scene.gltf", text.as_bytes()).unwrap_err();
+        assert!(error.to_string().contains("leads out"), "{uri}: {error}");
+    }
+    assert!(externals("x", b"{}").is_err() && externals("x", b"glTF").is_err());
 }
 
 #[test]

@@ -1,7 +1,6 @@
 //! A folder of this machine.
 
 use std::{
-    collections::BTreeMap,
     fs::{self, File, Metadata},
     io,
     ops::Range,
@@ -13,13 +12,13 @@ use std::{
 use tileset::ReadAt;
 use tokio::sync::Semaphore;
 
-use super::{Answer, Identity, Listed, Store, StoreError, Version, archive_name};
-use crate::{Error, MAX_ARCHIVES, Result};
+use super::{Answer, Found, Identity, Listed, Store, StoreError, Version};
+use crate::{Error, MAX_ARCHIVES, MAX_FILES, Result};
 
 /// Threads that wait for disks at the same time, in the whole process.
 static DISK: Semaphore = Semaphore::const_new(64);
 
-/// The `.bsvtf` files directly in a folder.
+/// The archives directly in a folder, and what is served beside them.
 ///
 /// Only regular files are served, and symbolic links only if they lead to a file in the same folder.
 pub struct Folder {
@@ -47,8 +46,8 @@ impl Store for Folder {
         Box::pin(blocking(move || list(&folder)))
     }
 
-    fn open<'a>(&'a self, name: &'a str) -> Answer<'a, Arc<dyn Version>> {
-        let (folder, path) = (self.path.clone(), self.path.join(format!("{name}.bsvtf")));
+    fn open<'a>(&'a self, file: &'a str) -> Answer<'a, Arc<dyn Version>> {
+        let (folder, path) = (self.path.clone(), self.path.join(file));
         Box::pin(blocking(move || {
             target(&folder, &path).map_err(StoreError::Refused)?;
             let file = File::open(&path).map_err(of_file)?;
@@ -67,32 +66,30 @@ impl Store for Folder {
 fn list(folder: &Path) -> std::result::Result<Vec<Listed>, StoreError> {
     let unlisted =
         |error: io::Error| StoreError::Unavailable(format!("the folder cannot be listed: {error}"));
-    let mut files = BTreeMap::new();
+    let (mut found, mut all) = (Found::new(), true);
     for file in fs::read_dir(folder).map_err(unlisted)? {
         let file = file.map_err(unlisted)?;
-        let Some(name) = file
-            .file_name()
-            .to_str()
-            .and_then(archive_name)
-            .map(str::to_owned)
-        else {
-            continue;
-        };
-        files.insert(name, file.path());
-        if files.len() > MAX_ARCHIVES {
-            files.pop_last();
-            tracing::warn!(
-                "more than {MAX_ARCHIVES} archives in the folder: only the first by name are served"
-            );
+        if let Some(name) = file.file_name().to_str() {
+            all &= found.add(name, file.path());
         }
     }
+    if !all {
+        tracing::warn!(
+            "more than {MAX_ARCHIVES} archives or {MAX_FILES} other files in the folder: only the first by name are served"
+        );
+    }
     // Without those that went away meanwhile.
-    let there = files
+    let there = found
+        .all()
         .into_iter()
         .filter(|(_, path)| fs::symlink_metadata(path).is_ok());
-    let listed = there.map(|(name, path)| Listed {
-        name,
-        identity: target(folder, &path).map(|metadata| identity(&metadata)),
+    let listed = there.map(|(file, path)| {
+        let metadata = target(folder, &path);
+        Listed {
+            file,
+            bytes: metadata.as_ref().map_or(0, Metadata::len),
+            identity: metadata.as_ref().map(identity).map_err(Clone::clone),
+        }
     });
     Ok(listed.collect())
 }

@@ -1,33 +1,37 @@
-//! Where archives lie: one small trait, and what stands behind it.
+//! Where archives lie, and what lies beside them: one small trait, and what stands behind it.
 //!
-//! - [`Folder`]: `.bsvtf` files directly in a folder of this machine.
+//! - [`Folder`]: files directly in a folder of this machine.
 //! - [`Objects`]: objects of a bucket, or one archive on a web server, by URL.
 //!
-//! A store lists archives and opens versions of them; a [`Version`] answers reads with bytes of that version or
-//! not at all, so that no answer is put together from two. Nothing is cached or tried again here:
-//! `records` does that for all stores.
+//! A store lists the files that are served, and opens versions of them; a [`Version`] answers reads with bytes of that
+//! version or not at all, so that no answer is put together from two. What is served is a matter of names alone
+//! ([`Kind`]). Nothing is cached or tried again here: `records` does that for all stores.
 
 mod folder;
+mod kind;
 mod objects;
 
 use std::{fmt, future::Future, ops::Range, pin::Pin, sync::Arc};
 
 pub use folder::Folder;
+pub use kind::Kind;
+pub(crate) use kind::{Found, archive_name};
 pub use objects::Objects;
 
 /// What a store answers, later.
 pub type Answer<'a, T> = Pin<Box<dyn Future<Output = Result<T, StoreError>> + Send + 'a>>;
 
-/// Archives that can be listed and opened by name.
+/// Files that can be listed and opened by name.
 pub trait Store: Send + Sync + 'static {
-    /// The archives there are now: at most [`crate::MAX_ARCHIVES`], the first by name, in order.
+    /// The files that are served, in the order of their names: at most [`crate::MAX_ARCHIVES`] archives and
+    /// [`crate::MAX_FILES`] others, the first by name.
     fn list(&self) -> Answer<'_, Vec<Listed>>;
 
-    /// Opens what a name of the last list stands for now.
-    fn open<'a>(&'a self, name: &'a str) -> Answer<'a, Arc<dyn Version>>;
+    /// Opens what the name of a file in the last list stands for now.
+    fn open<'a>(&'a self, file: &'a str) -> Answer<'a, Arc<dyn Version>>;
 }
 
-/// One content of an archive.
+/// One content of a file.
 pub trait Version: Send + Sync + 'static {
     /// Tells this content from others of the same name.
     fn identity(&self) -> &Identity;
@@ -42,13 +46,15 @@ pub trait Version: Send + Sync + 'static {
     fn read(&self, range: Range<u64>) -> Answer<'_, Vec<u8>>;
 }
 
-/// An archive of a store.
+/// A file of a store.
 #[derive(Clone, Debug)]
 pub struct Listed {
-    /// Without the ending `.bsvtf`.
-    pub name: String,
+    /// Its whole name, such as `cloth.bsvtf`.
+    pub file: String,
     /// Its content, or why it is not served: a sentence for clients, without paths of this machine.
     pub identity: Result<Identity, String>,
+    /// Its length; 0 if it is not served.
+    pub bytes: u64,
 }
 
 /// What a store knows a content by: time and inode of a file, the ETag of an object.
@@ -72,10 +78,10 @@ impl fmt::Display for Identity {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum StoreError {
-    /// There is no such archive.
+    /// There is no such file.
     #[error("it is not there any more")]
     NotFound,
-    /// The archive has another content now.
+    /// The file has another content now.
     #[error("it has been replaced")]
     Changed,
     /// It may work if it is tried again.
@@ -84,35 +90,4 @@ pub enum StoreError {
     /// It will not work.
     #[error("{0}")]
     Refused(String),
-}
-
-/// The name under which a file or an object is served; `None` for others, for hidden ones, and for names that
-/// addresses cannot carry or that would be taken for the file of another archive.
-pub(crate) fn archive_name(file: &str) -> Option<&str> {
-    let name = file.strip_suffix(".bsvtf")?;
-    let refused = name.is_empty() || name.starts_with('.') || name.ends_with(".bsvtf");
-    (!refused && !name.contains(char::is_control) && !name.contains(['/', '\\'])).then_some(name)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn names_of_files() {
-        for (file, name) in [
-            ("cloth.bsvtf", Some("cloth")),
-            ("wool 2.bsvtf", Some("wool 2")),
-            ("größe.bsvtf", Some("größe")),
-            ("cloth.BSVTF", None),
-            ("cloth.bsvtf.part", None),
-            ("cloth.bsvtf.bsvtf", None),
-            (".bsvtf", None),
-            (".hidden.bsvtf", None),
-            ("new\nline.bsvtf", None),
-            ("in/ner.bsvtf", None),
-        ] {
-            assert_eq!(archive_name(file), name, "{file:?}");
-        }
-    }
 }

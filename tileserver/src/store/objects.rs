@@ -1,6 +1,6 @@
 //! Buckets and web servers, through the crate `object_store`.
 
-use std::{collections::BTreeMap, ops::Range, sync::Arc};
+use std::{ops::Range, sync::Arc};
 
 use futures_util::{StreamExt, TryStreamExt};
 use object_store::{
@@ -8,27 +8,27 @@ use object_store::{
     path::Path,
 };
 
-use super::{Answer, Identity, Listed, Store, StoreError, Version, archive_name};
-use crate::{Error, MAX_ARCHIVES, Result};
+use super::{Answer, Found, Identity, Kind, Listed, Store, StoreError, Version, archive_name};
+use crate::{Error, Result};
 
-/// Objects that are looked at in a list; archives behind these are not found.
+/// Objects that are looked at in a list; those behind are not found.
 const MAX_LISTED: usize = 100_000;
 /// Variables of the environment that configure stores begin with one of these.
 const PREFIXES: [&str; 3] = ["AWS_", "GOOGLE_", "AZURE_"];
 /// Begins variables for all stores, such as `EIGENTILE_STORE_PROXY_URL`.
 const OWN_PREFIX: &str = "EIGENTILE_STORE_";
 
-/// Archives of an object store: those directly under a prefix, or a single one.
+/// Archives of an object store, and what is served beside them: those directly under a prefix, or a single archive.
 pub struct Objects {
     store: Arc<dyn ObjectStore>,
     place: Place,
 }
 
 enum Place {
-    /// All `.bsvtf` objects directly under it.
+    /// All objects directly under it.
     Prefix(Path),
     /// One archive; there may be no way to list others, as on a plain web server.
-    One(String, Path),
+    One(Path),
 }
 
 impl Objects {
@@ -74,19 +74,19 @@ impl Objects {
 
     /// From a store that is there already.
     pub fn new(store: Arc<dyn ObjectStore>, path: Path) -> Self {
-        let one = path.filename().and_then(archive_name).map(str::to_owned);
-        let place = match one {
-            Some(name) => Place::One(name, path),
-            None => Place::Prefix(path),
+        let place = if path.filename().and_then(archive_name).is_some() {
+            Place::One(path)
+        } else {
+            Place::Prefix(path)
         };
         Self { store, place }
     }
 
-    /// Where the archive of a name lies. Names come from a list, never from clients.
-    fn location(&self, name: &str) -> Path {
+    /// Where a file lies. Names come from a list, never from clients.
+    fn location(&self, file: &str) -> Path {
         match &self.place {
-            Place::One(_, path) => path.clone(),
-            Place::Prefix(prefix) => prefix.clone().join(format!("{name}.bsvtf")),
+            Place::One(path) => path.clone(),
+            Place::Prefix(prefix) => prefix.clone().join(file),
         }
     }
 }
@@ -104,13 +104,12 @@ impl Store for Objects {
     fn list(&self) -> Answer<'_, Vec<Listed>> {
         Box::pin(async move {
             let prefix = match &self.place {
-                Place::One(name, path) => {
-                    let listed = |identity| Listed {
-                        name: name.clone(),
-                        identity,
-                    };
+                Place::One(path) => {
                     return match self.store.head(path).await {
-                        Ok(meta) => Ok(vec![listed(Ok(identity(&meta)))]),
+                        Ok(meta) => Ok(vec![listed(
+                            path.filename().unwrap_or_default().to_owned(),
+                            &meta,
+                        )]),
                         Err(error) => match of_store(error) {
                             StoreError::NotFound => Ok(Vec::new()),
                             error => Err(error),
@@ -120,36 +119,30 @@ impl Store for Objects {
                 Place::Prefix(prefix) => prefix,
             };
             let mut objects = self.store.list(Some(prefix)).take(MAX_LISTED);
-            let mut listed = BTreeMap::new();
+            let mut found = Found::new();
             while let Some(meta) = objects.try_next().await.map_err(of_store)? {
-                let Some(mut rest) = meta.location.prefix_match(prefix) else {
-                    continue;
-                };
-                let (Some(file), None) = (rest.next(), rest.next()) else {
-                    continue; // Deeper.
+                let file = {
+                    let Some(mut rest) = meta.location.prefix_match(prefix) else {
+                        continue;
+                    };
+                    let (Some(file), None) = (rest.next(), rest.next()) else {
+                        continue; // Deeper.
+                    };
+                    file.as_ref().to_owned()
                 };
                 // A name that the path escapes would be another object's.
-                let Some(name) =
-                    archive_name(file.as_ref()).filter(|name| self.location(name) == meta.location)
-                else {
-                    continue;
-                };
-                listed.insert(name.to_owned(), identity(&meta));
-                if listed.len() > MAX_ARCHIVES {
-                    listed.pop_last();
+                if Kind::of(&file).is_some() && self.location(&file) == meta.location {
+                    found.add(&file, meta);
                 }
             }
-            let listed = listed.into_iter().map(|(name, identity)| Listed {
-                name,
-                identity: Ok(identity),
-            });
-            Ok(listed.collect())
+            let all = found.all().into_iter();
+            Ok(all.map(|(file, meta)| listed(file, &meta)).collect())
         })
     }
 
-    fn open<'a>(&'a self, name: &'a str) -> Answer<'a, Arc<dyn Version>> {
+    fn open<'a>(&'a self, file: &'a str) -> Answer<'a, Arc<dyn Version>> {
         Box::pin(async move {
-            let meta = self.store.head(&self.location(name)).await.map_err(of_store)?;
+            let meta = self.store.head(&self.location(file)).await.map_err(of_store)?;
             let identity = identity(&meta);
             let store = Arc::clone(&self.store);
             Ok(Arc::new(ObjectVersion {
@@ -158,6 +151,14 @@ impl Store for Objects {
                 identity,
             }) as Arc<dyn Version>)
         })
+    }
+}
+
+fn listed(file: String, meta: &ObjectMeta) -> Listed {
+    Listed {
+        file,
+        identity: Ok(identity(meta)),
+        bytes: meta.size,
     }
 }
 
@@ -256,7 +257,7 @@ mod tests {
         }
         assert!(matches!(
             Objects::from_url("http://127.0.0.1:1/tiles/cloth.bsvtf").unwrap().place,
-            Place::One(name, _) if name == "cloth"
+            Place::One(path) if path.filename() == Some("cloth.bsvtf")
         ));
         assert_eq!(without_secrets("https://me:pass@host/x?sig=1"), "https://host/x");
         assert_eq!(without_secrets("s3://bucket/x"), "s3://bucket/x");

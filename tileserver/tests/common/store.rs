@@ -88,16 +88,18 @@ impl Store for Faulty {
                 return Err(StoreError::Refused("no list today".into()));
             }
             let archives = self.archives.lock().unwrap();
-            let listed = archives.iter().map(|(name, (identity, _))| Listed {
-                name: name.clone(),
+            let listed = archives.iter().map(|(name, (identity, bytes))| Listed {
+                file: format!("{name}.bsvtf"),
                 identity: Ok(identity.clone()),
+                bytes: bytes.len() as u64,
             });
             Ok(listed.collect())
         })
     }
 
-    fn open<'a>(&'a self, name: &'a str) -> Answer<'a, Arc<dyn Version>> {
+    fn open<'a>(&'a self, file: &'a str) -> Answer<'a, Arc<dyn Version>> {
         Box::pin(async move {
+            let name = file.strip_suffix(".bsvtf").ok_or(StoreError::NotFound)?;
             let (identity, bytes) = self
                 .archives
                 .lock()

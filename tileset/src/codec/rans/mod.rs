@@ -27,7 +27,9 @@ mod encoder;
 mod model;
 mod stored;
 
-pub(crate) use alias::{Bucket, Buckets};
+#[cfg(target_arch = "x86_64")]
+pub(crate) use alias::Bucket;
+pub(crate) use alias::Buckets;
 pub(crate) use decoder::Decoder;
 pub(crate) use encoder::Encoder;
 pub(crate) use model::Model;

@@ -1,19 +1,17 @@
 //! zstd, one frame a record, with the decoded size bounded beforehand; and byte planes, which help it.
+//!
+//! `native` is zstd itself. `portable` is its decoder in Rust, for browsers, where C is hard to come by; tests see to it that both accept
+//! and decode the same.
 
-use std::cell::RefCell;
+#[cfg(not(target_arch = "wasm32"))]
+mod native;
+#[cfg(any(test, target_arch = "wasm32"))]
+mod portable;
 
-use zstd::bulk::{Compressor, Decompressor};
-use zstd::zstd_safe::find_frame_compressed_size;
-
-use crate::{Error, Result};
-
-/// Close to the best that zstd can; records are small and coded once.
-const LEVEL: i32 = 19;
-
-thread_local! {
-    static COMPRESSOR: RefCell<Option<Compressor<'static>>> = const { RefCell::new(None) };
-    static DECOMPRESSOR: RefCell<Option<Decompressor<'static>>> = const { RefCell::new(None) };
-}
+#[cfg(not(target_arch = "wasm32"))]
+pub(crate) use native::{compress, decompress};
+#[cfg(target_arch = "wasm32")]
+pub(crate) use portable::{compress, decompress};
 
 /// Largest size of a frame that holds `raw` bytes: zstd stores what it cannot shrink.
 pub(crate) const fn bound(raw: usize) -> usize {
@@ -32,48 +30,6 @@ pub(crate) fn to_planes(entries: &[u8], size: usize) -> Vec<u8> {
 /// The inverse of [`to_planes`].
 pub(crate) fn from_planes(planes: &[u8], size: usize) -> Vec<u8> {
     to_planes(planes, planes.len() / size)
-}
-
-/// One zstd frame that holds `raw`.
-///
-/// # Errors
-/// [`Error::Io`] if there is no memory for the compressor.
-pub(crate) fn compress(raw: &[u8]) -> Result<Vec<u8>> {
-    let io = |source| Error::Io {
-        what: format!("compressing {} bytes", raw.len()),
-        source,
-    };
-    COMPRESSOR.with_borrow_mut(|slot| {
-        let compressor = match slot {
-            Some(compressor) => compressor,
-            None => slot.insert(Compressor::new(LEVEL).map_err(io)?),
-        };
-        compressor.compress(raw).map_err(io)
-    })
-}
-
-/// The content of `frame`, which must be one whole zstd frame of at most `limit` bytes; the message says why
-/// it is not.
-pub(crate) fn decompress(frame: &[u8], limit: usize) -> std::result::Result<Vec<u8>, String> {
-    // zstd would go on with further frames and skip unknown ones.
-    match find_frame_compressed_size(frame) {
-        Ok(length) if length == frame.len() => {}
-        Ok(length) => {
-            return Err(format!(
-                "{} bytes follow the zstd frame of {length}",
-                frame.len() - length
-            ));
-        }
-        Err(code) => return Err(format!("zstd: {}", zstd::zstd_safe::get_error_name(code))),
-    }
-    let error = |error: std::io::Error| format!("zstd: {error}, where at most {limit} bytes are expected");
-    DECOMPRESSOR.with_borrow_mut(|slot| {
-        let decompressor = match slot {
-            Some(decompressor) => decompressor,
-            None => slot.insert(Decompressor::new().map_err(error)?),
-        };
-        decompressor.decompress(frame, limit).map_err(error)
-    })
 }
 
 #[cfg(test)]
