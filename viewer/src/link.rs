@@ -3,7 +3,7 @@
 //! `cam=0.35,0.15,1.5,0,0,0,40&light=d-0.54,0.64,0.54,3.2,3,2.7&ev=0.33&shape=cloth&overlay=mip`: parts in any order, each at
 //! most once, joined by `&`; a leading `#` or `?` is ignored. Numbers have six digits. What is not said stays as it is.
 
-use engine::overlay::Overlay;
+use engine::Overlay;
 use glam::Vec3;
 use scenes::{Camera, Light, Shape};
 

@@ -4,10 +4,9 @@ mod drawing;
 mod settings;
 
 use engine::{
-    Error, Result,
+    Error, Overlay, Result,
     frame::{Engine, Event, FrameStats, Options},
     gpu::Context,
-    overlay::Overlay,
     stream::TileSource,
 };
 use scenes::{Camera, Scene, Shape, lone};
@@ -409,7 +408,8 @@ impl Viewer {
     fn step_overlay(&mut self, steps: usize) -> Result<()> {
         let now = self.engine.overlay();
         let at = Overlay::ALL.iter().position(|known| *known == now).unwrap_or(0);
-        self.engine.set_overlay(Overlay::ALL[(at + steps) % Overlay::ALL.len()])
+        self.engine
+            .set_overlay(Overlay::ALL[(at + steps) % Overlay::ALL.len()])
     }
 
     fn toggle_recording(&mut self) {

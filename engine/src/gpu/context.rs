@@ -100,10 +100,7 @@ impl Context {
             .get_default_config(&self.adapter, size.0, size.1)
             .ok_or_else(|| Error::Adapter(format!("{} cannot draw into this surface", self.adapter())))?;
         let formats = surface.get_capabilities(&self.adapter).formats;
-        let plain = [
-            wgpu::TextureFormat::Bgra8Unorm,
-            wgpu::TextureFormat::Rgba8Unorm,
-        ];
+        let plain = [wgpu::TextureFormat::Bgra8Unorm, wgpu::TextureFormat::Rgba8Unorm];
         if let Some(format) = formats.iter().find(|format| plain.contains(format)) {
             configuration.format = *format;
         }
