@@ -27,6 +27,8 @@ pub trait Policy {
     fn upcoming(&mut self, _most: usize) -> Vec<Item> {
         Vec::new()
     }
+    /// Says what errors of a material count for beside those of others.
+    fn set_importance(&mut self, _material: MaterialId, _importance: f32) {}
     /// Says that nothing more of a material can be had, or, with `false`, that it can again.
     fn set_retired(&mut self, _material: MaterialId, _retired: bool) {}
     /// What is known after the last update and the arrivals since.
@@ -57,6 +59,9 @@ impl Policy for Residency {
     }
     fn upcoming(&mut self, most: usize) -> Vec<Item> {
         Residency::upcoming(self, most)
+    }
+    fn set_importance(&mut self, material: MaterialId, importance: f32) {
+        Residency::set_importance(self, material, importance);
     }
     fn set_retired(&mut self, material: MaterialId, retired: bool) {
         Residency::set_retired(self, material, retired);
