@@ -1,14 +1,14 @@
-//! What commands that stream say about the cache on disk.
+//! What all commands that stream can be told about hosts, and about the cache on disk.
 
 use std::path::PathBuf;
 
 use anyhow::{Context as _, Result};
 use clap::Args;
-use engine::stream::{DiskCacheOptions, OpenOptions};
+use engine::stream::{DiskCacheOptions, HttpOptions, OpenOptions};
 
 use crate::bytes;
 
-/// Where records that come over the network are kept.
+/// Which hosts are trusted, and where records that come over the network are kept.
 #[derive(Args, Clone, Debug)]
 pub(crate) struct CacheArguments {
     /// Keeps what comes over HTTP on disk, for other runs and for when there is no network: a folder, "default" for the
@@ -18,6 +18,9 @@ pub(crate) struct CacheArguments {
     /// Most bytes of the cache on disk, whoever wrote them.
     #[arg(long, value_name = "SIZE", default_value = "4GiB", value_parser = bytes::parse)]
     cache_bytes: u64,
+    /// PEM file with certificates of authorities to trust for https://, besides those of the system.
+    #[arg(long, value_name = "FILE.pem")]
+    ca_file: Option<PathBuf>,
 }
 
 impl CacheArguments {
@@ -38,6 +41,10 @@ impl CacheArguments {
             ..disk
         });
         Ok(OpenOptions {
+            http: HttpOptions {
+                ca_file: self.ca_file.clone(),
+                ..HttpOptions::default()
+            },
             disk,
             ..OpenOptions::default()
         })

@@ -51,6 +51,24 @@ impl Fixture {
         self.tiles().join(format!("{name}.bsvtf"))
     }
 
+    /// Names of the archives.
+    pub fn names(&self) -> [&'static str; 2] {
+        NAMES
+    }
+
+    /// A folder of the test's own with copies of the archives.
+    ///
+    /// # Panics
+    /// If they cannot be copied.
+    pub fn site(&self) -> tempfile::TempDir {
+        let folder = tempfile::tempdir().expect("a folder for temporary files");
+        for name in NAMES {
+            let to = folder.path().join(format!("{name}.bsvtf"));
+            std::fs::copy(self.archive(name), to).expect("a copy");
+        }
+        folder
+    }
+
     fn make(&self, name: &str) {
         let options = SynthOptions {
             size: SIZE,

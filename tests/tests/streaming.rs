@@ -101,7 +101,7 @@ fn every_source_gives_the_same_picture() {
     let scene = scene();
     let camera = scene.cameras[0];
     let server = Server::start(&FIXTURE.tiles());
-    let http = || HttpSource::new(&server.address, HttpOptions::default()).unwrap();
+    let http = || HttpSource::new(&server.address, &HttpOptions::default()).unwrap();
     // Decodes beside the frames, and waits for nothing.
     let free = Options {
         wait: false,

@@ -1,6 +1,6 @@
 //! What is measured: scenes, their archives, the ways of their cameras.
 
-use engine::stream::{MemorySource, TileSource, open};
+use engine::stream::{MemorySource, OpenOptions, TileSource, open_with};
 use glam::Quat;
 use scenes::paper::PaperScene;
 use scenes::{Camera, Scene, Surface};
@@ -16,8 +16,8 @@ const DETAIL: f32 = 0.1;
 /// Where archives come from.
 #[derive(Clone, Debug)]
 pub enum Archives {
-    /// A folder or the address of a server.
-    At(String),
+    /// A folder or the address of a server, and how it is opened.
+    At(String, OpenOptions),
     /// Made by formula, by name.
     Made(Vec<(String, Vec<u8>)>),
 }
@@ -29,7 +29,7 @@ impl Archives {
     /// If the folder or server cannot be opened.
     pub fn source(&self) -> Result<Box<dyn TileSource>> {
         match self {
-            Archives::At(place) => Ok(open(place)?),
+            Archives::At(place, options) => Ok(open_with(place, options)?),
             Archives::Made(archives) => {
                 let mut source = MemorySource::new();
                 for (name, bytes) in archives {

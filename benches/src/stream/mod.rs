@@ -21,4 +21,4 @@ pub use order::Contender;
 pub use plot::plot;
 pub use replay::{Mark, Point, Replay};
 pub use report::table;
-pub use run::{NamedNetwork, Plan, Results, Way, close_up, measure, views};
+pub use run::{NamedNetwork, Plan, Results, Way, close_up, measure, near_objects, views};

@@ -22,11 +22,10 @@ pub(super) const FRAMES: u32 = 60;
 const MOST_FRAMES: u32 = 300 * FRAMES;
 /// Structural similarity that is taken for the settled picture.
 pub(super) const GOAL: f64 = 0.95;
-/// A picture is looked at whenever the bytes have grown by this share of those that the settled view needs; less often
-/// when it is nearly settled.
-const LOOK_SHARE: f64 = 0.02;
-const LATE_SHARE: f64 = 0.15;
-const NEARLY: f64 = 0.98;
+/// A picture is looked at whenever the bytes have grown by this share; less often when it is nearly settled.
+const LOOK_SHARE: f64 = 0.04;
+const LATE_SHARE: f64 = 0.25;
+const NEARLY: f64 = 0.975;
 /// Frames of a round trip where round trips are counted: enough that what is decided in a few frames does not count.
 const TRIP_FRAMES: u32 = 40;
 
@@ -101,8 +100,6 @@ pub(super) struct Stage<'a> {
     /// That of the first camera.
     pub(super) start: &'a Truth,
     pub(super) way: Way,
-    /// Bytes of the settled last view.
-    pub(super) whole_bytes: u64,
 }
 
 impl Stage<'_> {
@@ -123,22 +120,6 @@ impl Stage<'_> {
 
     fn camera(&self, frame: u32) -> &Camera {
         &self.cameras[(frame as usize).min(self.cameras.len() - 1)]
-    }
-
-    /// Bytes until the last view has settled, where they take no time.
-    ///
-    /// # Errors
-    /// Those of the engine.
-    pub(super) fn bytes_to_settle(&self) -> Result<u64> {
-        let line = Line::new(self.subject.archives.source()?, Network::default());
-        let mut engine = self.engine(Contender::Ours, &line)?;
-        for _ in 0..MOST_FRAMES {
-            line.advance(Duration::from_secs(1) / FRAMES);
-            if engine.step(self.camera(MOST_FRAMES))?.settled {
-                break;
-            }
-        }
-        Ok(line.bytes())
     }
 
     /// # Errors
@@ -193,8 +174,8 @@ impl Stage<'_> {
                     .last()
                     .is_some_and(|point| !point.moving && point.ssim > NEARLY);
                 let share = if nearly { LATE_SHARE } else { LOOK_SHARE };
-                let grown = (at.bytes - looked) as f64 >= share * self.whole_bytes as f64;
-                first || grown || stats.settled || frame == stop
+                let grown = (at.bytes - looked) as f64 >= share * looked as f64;
+                first || (stats.archives_known > 0 && grown) || stats.settled || frame == stop
             };
             if let Some(truth) = view.filter(|_| due) {
                 if let Some(quality) = truth.compare(&engine.show()?) {

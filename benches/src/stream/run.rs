@@ -3,6 +3,8 @@
 use engine::frame::{Budgets, Options};
 use engine::gpu::{Context, PageFormat};
 use engine::stream::Network;
+use scenes::Camera;
+use scenes::paper::PaperScene;
 use serde::Serialize;
 
 use super::replay::{FRAMES, Stage};
@@ -128,7 +130,7 @@ pub fn measure(subject: &Subject, plan: &Plan, progress: &dyn Fn(&str)) -> Resul
         ways.push((Way::Moving, &subject.cameras[..], &truths[1..]));
     }
     for (way, cameras, truths) in &ways {
-        let mut stage = Stage {
+        let stage = Stage {
             context: &context,
             subject,
             options: &options,
@@ -136,9 +138,7 @@ pub fn measure(subject: &Subject, plan: &Plan, progress: &dyn Fn(&str)) -> Resul
             truths,
             start: &truths[0],
             way: *way,
-            whole_bytes: 0,
         };
-        stage.whole_bytes = stage.bytes_to_settle()?;
         for NamedNetwork { name, network } in &plan.networks {
             for contender in Contender::ALL {
                 let what = if *way == Way::Static { "standing" } else { "moving" };
@@ -157,6 +157,19 @@ pub fn measure(subject: &Subject, plan: &Plan, progress: &dyn Fn(&str)) -> Resul
 /// Views along a path for so many seconds.
 pub fn views(seconds: f64) -> usize {
     ((seconds * f64::from(FRAMES)).round() as usize).max(1)
+}
+
+/// Part of the flight over the objects in which it is near them, as times from 0 to 1.
+const NEAR_TIMES: [f32; 2] = [0.6, 0.85];
+
+/// Views of the objects of the paper's second scene, from the part of its flight that is near them: some fill the picture, others are
+/// small behind them.
+pub fn near_objects(views: usize) -> Vec<Camera> {
+    let flight = PaperScene::Objects.flight();
+    let ([from, to], first) = (NEAR_TIMES, flight.keys()[0].time);
+    let steps = views.saturating_sub(1).max(1) as f32;
+    let time = |view: usize| first + flight.duration() * (from + (to - from) * view as f32 / steps);
+    (0..views).map(|view| flight.sample(time(view))).collect()
 }
 
 /// Share of the way from what the camera looks at to where it is on its flight over the tori.

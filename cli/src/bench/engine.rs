@@ -10,6 +10,7 @@ use clap::Args;
 use scenes::{Camera, CameraPath, Scene};
 use serde::Serialize;
 
+use crate::cache::CacheArguments;
 use crate::render::{own_folder, parse_size};
 use crate::{file, progress};
 
@@ -23,6 +24,8 @@ pub(crate) struct Arguments {
     /// Tile server (http://HOST:PORT) or folder of archives; without it the scene's own folder.
     #[arg(long, value_name = "URL|DIR", requires = "scene")]
     tiles: Option<String>,
+    #[command(flatten)]
+    cache: CacheArguments,
     /// Camera path; without it a quarter of a circle around the scene.
     #[arg(long, value_name = "PATH.json", requires = "scene")]
     camera: Option<PathBuf>,
@@ -144,7 +147,7 @@ fn subject(arguments: &Arguments, path: &Path) -> Result<Subject> {
     Ok(Subject {
         name: name(path),
         scene,
-        archives: Archives::At(tiles),
+        archives: Archives::At(tiles, arguments.cache.open_options()?),
         cameras,
     })
 }

@@ -9,6 +9,7 @@ use anyhow::{Context, Result};
 use clap::Args;
 
 use super::engine;
+use crate::cache::CacheArguments;
 use crate::render::{own_folder, parse_size};
 use crate::{file, progress};
 
@@ -23,6 +24,8 @@ pub(crate) struct Arguments {
     /// Tile server (http://HOST:PORT) or folder of archives of the scene; without it the scene's own folder.
     #[arg(long, value_name = "URL|DIR", requires = "trace")]
     tiles: Option<String>,
+    #[command(flatten)]
+    cache: CacheArguments,
     /// Camera path through the scene; without it a quarter of a circle around it.
     #[arg(long, visible_alias = "path", value_name = "PATH.json", requires = "trace")]
     camera: Option<PathBuf>,
@@ -138,6 +141,6 @@ fn recorded(arguments: &Arguments, path: &Path, progress: &dyn Fn(&str)) -> Resu
     );
     let tiles = arguments.tiles.clone().map_or_else(|| own_folder(path), Ok)?;
     let name = format!("{}, {} frames", engine::name(path), cameras.len());
-    let source = ::engine::stream::open(&tiles)?;
+    let source = ::engine::stream::open_with(&tiles, &arguments.cache.open_options()?)?;
     Ok(record(&name, &scene, source, arguments.size, &cameras, progress)?)
 }

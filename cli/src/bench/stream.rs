@@ -5,25 +5,28 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use ::benches::engine::{Archives, Subject};
-use ::benches::stream::{NamedNetwork, Plan, close_up, measure, plot, table, views};
+use ::benches::stream::{NamedNetwork, Plan, close_up, measure, near_objects, plot, table, views};
 use ::engine::stream::Network;
 use anyhow::{Context, Result, ensure};
 use clap::Args;
 
 use super::engine;
+use crate::cache::CacheArguments;
 use crate::render::{own_folder, parse_size};
-use crate::{file, progress};
+use crate::{file, progress, scene};
 
 /// Measure pictures over bytes and seconds under networks, beside other orders of asking.
 #[derive(Args)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct Arguments {
-    /// Scene: .gltf or .glb; without one a grid of tori with a few materials is made.
+    /// Scene: .gltf or .glb; without one fifteen objects with as many materials are made once, in a minute or two.
     #[arg(value_name = "SCENE.gltf")]
     scene: Option<PathBuf>,
     /// Tile server (http://HOST:PORT) or folder of archives; without it the scene's own folder.
     #[arg(long, value_name = "URL|DIR", requires = "scene")]
     tiles: Option<String>,
+    #[command(flatten)]
+    cache: CacheArguments,
     /// Camera path; without it a quarter of a circle around the scene.
     #[arg(long, visible_alias = "path", value_name = "PATH.json", requires = "scene")]
     camera: Option<PathBuf>,
@@ -38,11 +41,14 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "N", default_value_t = 256)]
     streams: usize,
     /// Width and height of the pictures, pixels.
-    #[arg(long, default_value = "256x144", value_parser = parse_size)]
+    #[arg(long, default_value = "640x360", value_parser = parse_size)]
     size: (u32, u32),
-    /// Materials of the scene that is made.
-    #[arg(long, value_name = "N", default_value_t = 4, conflicts_with = "scene")]
-    materials: usize,
+    /// Folder of the scene that is made; what is there is used again.
+    #[arg(long, value_name = "DIR", default_value = "eigentile-scenes/measured", conflicts_with = "scene")]
+    made: PathBuf,
+    /// Measures a grid of tori with so many materials made by formula instead, which takes seconds.
+    #[arg(long, value_name = "N", conflicts_with_all = ["scene", "made"])]
+    materials: Option<usize>,
     /// Seconds that the camera takes along its path; 0 measures the first view only.
     #[arg(long, value_name = "S", default_value_t = 2.0)]
     seconds: f64,
@@ -60,6 +66,7 @@ pub(crate) struct Arguments {
 const EXAMPLES: &str = "\
 Examples:
   eigentile bench stream --plot stream.svg
+  eigentile bench stream --materials 4 --size 256x144 --network 4g
   eigentile bench stream --network dsl --network 2,300,0.02
   eigentile bench stream scenes/tori/scene.gltf --tiles scenes/tiles --camera scenes/tori/camera.json --network 4g --json
 
@@ -84,7 +91,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     for (name, value) in [
         ("--connections", arguments.connections),
         ("--streams", arguments.streams),
-        ("--materials", arguments.materials),
+        ("--materials", arguments.materials.unwrap_or(1)),
     ] {
         ensure!(
             (1..=MOST_STREAMS).contains(&value),
@@ -98,7 +105,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let spinner = progress::spinner("stream", arguments.json);
     let subject = match &arguments.scene {
         Some(path) => subject(arguments, path)?,
-        None => close_up(arguments.materials, views(arguments.seconds))?,
+        None => match arguments.materials {
+            Some(materials) => close_up(materials, views(arguments.seconds))?,
+            None => made(arguments)?,
+        },
     };
     let plan = Plan {
         size: arguments.size,
@@ -118,13 +128,27 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     Ok(write!(std::io::stdout().lock(), "{}", table(&results))?)
 }
 
+/// The objects of the paper's second scene, from where its flight is near them.
+fn made(arguments: &Arguments) -> Result<Subject> {
+    let (path, tiles) = scene::objects_to_measure(&arguments.made, arguments.json)?;
+    Ok(Subject {
+        name: "objects".into(),
+        scene: scenes::gltf::open(&path)?.scene,
+        cameras: near_objects(views(arguments.seconds)),
+        archives: Archives::At(tiles.display().to_string(), arguments.cache.open_options()?),
+    })
+}
+
 fn subject(arguments: &Arguments, path: &Path) -> Result<Subject> {
     let scene = scenes::gltf::open(path)?.scene;
     let count = views(arguments.seconds);
     Ok(Subject {
         name: engine::name(path),
         cameras: engine::cameras(&scene, arguments.camera.as_deref(), arguments.size, count)?,
-        archives: Archives::At(arguments.tiles.clone().map_or_else(|| own_folder(path), Ok)?),
+        archives: Archives::At(
+            arguments.tiles.clone().map_or_else(|| own_folder(path), Ok)?,
+            arguments.cache.open_options()?,
+        ),
         scene,
     })
 }

@@ -74,7 +74,7 @@ impl Studio<'_> {
     }
 
     pub(crate) fn http(&self) -> Result<HttpSource> {
-        Ok(HttpSource::new(self.address, HttpOptions::default())?)
+        Ok(HttpSource::new(self.address, &HttpOptions::default())?)
     }
 
     /// Settles with a cache of this size.

@@ -110,6 +110,24 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     Ok(())
 }
 
+/// A smaller objects scene for measurements, in a folder: fifteen materials of 192² to 768² texels and 64 components, made where they
+/// are missing, which takes a minute or two. Returns the scene's file and the folder of its archives.
+pub(crate) fn objects_to_measure(folder: &Path, quiet: bool) -> Result<(PathBuf, PathBuf)> {
+    let arguments = Arguments {
+        name: None,
+        output: folder.to_owned(),
+        quick: false,
+        material_size: Some(768),
+        sampling: Some(Directions::Sparse31),
+        components: Some(64),
+        triangles: 0.03,
+        no_materials: false,
+        json: quiet,
+    };
+    let report = make(&arguments, PaperScene::Objects)?;
+    Ok((report.gltf, report.tiles))
+}
+
 fn plan(arguments: &Arguments, scene: PaperScene) -> Result<Plan> {
     let recipes = scene.recipes();
     let largest = recipes.iter().map(|recipe| recipe.size).max().unwrap_or(1);

@@ -78,8 +78,9 @@ impl Engine {
     /// source that answers at once cannot hold up a frame.
     pub(super) fn receive(&mut self) {
         self.archives.submit(&mut *self.source);
+        let now = self.now();
         self.records
-            .submit(&self.btfs, &mut *self.source, &mut self.counters);
+            .submit(now, &self.btfs, &mut *self.source, &mut self.counters);
         for _ in 0..self.source.capacity() {
             let Some(answer) = self.source.poll() else { break };
             self.wire_bytes += answer.wire_bytes;
@@ -89,7 +90,7 @@ impl Engine {
                 Request::Index { .. } => self.archives.receive(answer, &mut self.problems),
                 _ => self
                     .records
-                    .receive(answer, &self.btfs, &mut self.counters, &mut self.problems),
+                    .receive(answer, now, &self.btfs, &mut self.counters, &mut self.problems),
             }
         }
         for material in self.records.take_changed() {
@@ -150,6 +151,8 @@ impl Engine {
         for (archive, btf) in read {
             self.archives.set_known(archive, self.btfs.len());
             self.residency.add_material(material_info(&btf));
+            let material = MaterialId(self.btfs.len() as u16);
+            self.residency.set_importance(material, importance(&btf));
             self.window.add_material(btf.pyramid().tile_count());
             self.worths.add(&btf);
             self.events.add(Event::MaterialKnown {
@@ -248,6 +251,28 @@ impl Engine {
             && !self.renderer.fading()
             && self.format_is_final()
     }
+}
+
+/// Luminance of reflectance below which darker is not seen as different: a hundredth of white.
+const DARK: f64 = 0.01;
+
+/// What squared errors of a material count for: relative to its own mean, because it is contrast that is seen (Weber's law), and
+/// what tone curves and structural similarity keep. Without it dark materials would wait for the last highlight of bright ones.
+fn importance(btf: &Btf) -> f32 {
+    let [r, g, b] = btf.index.manifest.mean_rgb;
+    // Rec. 709.
+    let luminance = 0.2126 * r + 0.7152 * g + 0.0722 * b;
+    let seen = luminance.max(0.0) + DARK;
+    if std::env::var("IMP").is_ok_and(|v| v == "1") { return 1.0; }
+    if std::env::var("IMP").is_ok_and(|v| v == "e") {
+        let p = btf.pyramid();
+        let mut per = std::collections::HashMap::new();
+        for t in p.tiles() { *per.entry(t.mip).or_insert(0u32) += 1; }
+        let n = p.tile_count() as usize;
+        let e: f64 = btf.index.pages().iter().enumerate().map(|(i, r)| f64::from(r.weight) / f64::from(per[&p.tile_at((i % n) as u32).unwrap().mip])).sum();
+        return (1.0 / (2.0 * e + 1e-4)) as f32;
+    }
+    (1.0 / (seen * seen)) as f32
 }
 
 /// What residency knows of a BTF.

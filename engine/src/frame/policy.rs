@@ -29,6 +29,8 @@ pub trait Policy {
     }
     /// What has failed may be asked for again at once.
     fn retry(&mut self) {}
+    /// Says what errors of a material count for beside those of others.
+    fn set_importance(&mut self, _material: MaterialId, _importance: f32) {}
     /// Says that nothing more of a material can be had, or, with `false`, that it can again.
     fn set_retired(&mut self, _material: MaterialId, _retired: bool) {}
     /// Whether an item stays as long as its material is seen.
@@ -70,6 +72,9 @@ impl Policy for Residency {
     }
     fn retry(&mut self) {
         Residency::retry(self);
+    }
+    fn set_importance(&mut self, material: MaterialId, importance: f32) {
+        Residency::set_importance(self, material, importance);
     }
     fn set_retired(&mut self, material: MaterialId, retired: bool) {
         Residency::set_retired(self, material, retired);

@@ -21,7 +21,9 @@ pub(super) struct Material {
     grids: Vec<(u32, u32, u32)>,
     parents: Vec<u32>,
     children: Vec<[u32; 4]>,
-    /// w, `[group][tile]`; finite and not negative.
+    /// What its errors count for.
+    importance: f32,
+    /// w, `[group][tile]`, times the importance; finite and not negative.
     weights: Vec<f32>,
     /// The same, `[tile][group]`.
     weights_by_tile: Vec<f32>,
@@ -75,6 +77,7 @@ impl Material {
         Self {
             id,
             tiles,
+            importance: 1.0,
             weights_by_tile,
             grids: grids.collect(),
             parents: parents.collect(),
@@ -116,9 +119,20 @@ impl Material {
         (self.wanted[Class::Now as usize].tiles().len() * self.groups.len()) as u32
     }
 
-    /// Squared error, summed over all pixels, of what is not resident.
+    /// Squared error of reflectance, summed over all pixels, of what is not resident.
     pub(super) fn missing(&self) -> f64 {
-        self.missing
+        self.missing / f64::from(self.importance)
+    }
+
+    /// Lets its errors count for so much: positive, finite. Values follow with the next votes, which are taken as new.
+    pub(super) fn set_importance(&mut self, importance: f32) {
+        let change = importance / self.importance;
+        for weight in self.weights.iter_mut().chain(&mut self.weights_by_tile) {
+            *weight = (*weight * change).min(f32::MAX);
+        }
+        self.missing *= f64::from(change);
+        self.importance = importance;
+        self.wanted = Default::default();
     }
 
     /// Squared errors, summed over all pixels, of what is not resident, and of all that is wanted.

@@ -216,6 +216,20 @@ impl Residency {
         id
     }
 
+    /// Says what errors of a material count for beside those of others: 1 unless it is said. Values and priorities are in this
+    /// unit, what is reported is in that of reflectance. Nothing changes for a factor that is not positive and finite.
+    pub fn set_importance(&mut self, material: MaterialId, importance: f32) {
+        let Some(at) = self.materials.get_mut(usize::from(material.0)) else {
+            return;
+        };
+        if importance.is_normal() && importance > 0.0 {
+            at.set_importance(importance);
+            // Votes for it are taken anew.
+            self.votes = Default::default();
+            self.unsettled = true;
+        }
+    }
+
     /// Lets votes for a material count for nothing from now on (`true`), or lets them count again. What of it is in flight is
     /// so no more; what is resident stays until its place is needed.
     pub fn set_retired(&mut self, material: MaterialId, retired: bool) {

@@ -40,7 +40,7 @@ enum Kind {
 }
 
 impl EitherSource {
-    pub(super) fn new(address: &str, options: HttpOptions) -> Result<Self> {
+    pub(super) fn new(address: &str, options: &HttpOptions) -> Result<Self> {
         let server = HttpSource::new(address, options)?;
         let ranges = RangeSource::new(HttpTransport::new(options)?, &server.origin());
         Ok(Self {
@@ -113,6 +113,7 @@ impl EitherSource {
                         detail: "too many requests at once".into(),
                         retry_after: None,
                     }),
+                    checked: false,
                     request: answer.request,
                     wire_bytes,
                 });
@@ -127,6 +128,7 @@ impl EitherSource {
             ticket: sent.ticket,
             request: answer.request,
             bytes,
+            checked: answer.checked,
             wire_bytes: sent.wire_bytes,
         })
     }

@@ -71,6 +71,7 @@ impl<S: TileSource> FaultySource<S> {
                 retry_after: None,
             });
         } else if damage < self.faults.damage {
+            answer.checked = false;
             answer.bytes = answer.bytes.map(|bytes| {
                 let mut bytes = Vec::from(bytes);
                 if let Some(at) = place.checked_rem(bytes.len() as u64) {
@@ -101,6 +102,7 @@ fn again(answer: &Answer) -> Answer {
             Ok(bytes) => Ok(bytes.clone()),
             Err(error) => Err(worded_again(error, &answer.request)),
         },
+        checked: answer.checked,
         wire_bytes: answer.wire_bytes,
     }
 }

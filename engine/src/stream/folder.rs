@@ -177,6 +177,7 @@ impl Reader {
                     ticket,
                     request,
                     bytes,
+                    checked: false,
                     wire_bytes,
                 })
                 .is_err()

@@ -5,7 +5,7 @@ use std::{collections::VecDeque, sync::Arc, time::Duration};
 use ::lru::LruCache;
 use bytes::Bytes;
 
-use super::{Answer, Request, SourceStats, Ticket, TileSource, directories::Directories};
+use super::{Answer, Request, SourceStats, Ticket, TileSource, directories::Directories, room::Room};
 
 /// What an entry of the cache costs beside its bytes: key, list links, hash table. Keeps the bound honest when
 /// there are very many empty records.
@@ -19,8 +19,7 @@ const ENTRY_BYTES: u64 = 128;
 /// changed; if it has, its records are forgotten.
 pub struct CachedSource<S> {
     inner: S,
-    budget_bytes: u64,
-    used_bytes: u64,
+    room: Room,
     records: LruCache<Request, Bytes>,
     directories: Directories,
     hits: VecDeque<(Ticket, Request, Bytes)>,
@@ -35,8 +34,7 @@ impl<S: TileSource> CachedSource<S> {
     pub fn new(inner: S, budget_bytes: u64) -> Self {
         Self {
             inner,
-            budget_bytes,
-            used_bytes: 0,
+            room: Room::new(budget_bytes),
             records: LruCache::unbounded(),
             directories: Directories::default(),
             from_ram: 0,
@@ -48,7 +46,7 @@ impl<S: TileSource> CachedSource<S> {
 
     /// Bytes that the kept records take, never more than the budget.
     pub fn used_bytes(&self) -> u64 {
-        self.used_bytes
+        self.room.used_bytes()
     }
 
     /// The source behind the cache.
@@ -57,26 +55,25 @@ impl<S: TileSource> CachedSource<S> {
     }
 
     /// Keeps what came back if it holds.
-    fn keep(&mut self, request: &Request, bytes: &Bytes) {
+    fn keep(&mut self, request: &Request, bytes: &Bytes, checked: bool) {
         if let Request::Index { archive } = request {
             self.keep_index(archive, bytes);
             return;
         }
-        let holds = self.directories.holds(request, bytes);
         let cost = cost(bytes);
-        if !holds || cost > self.budget_bytes {
+        if !self.room.admits(cost) || !(checked || self.directories.holds(request, bytes)) {
             return;
         }
         // A copy, where the bytes are a part of something larger that would be kept alive with them.
         if let Some(old) = self.records.put(request.clone(), Bytes::copy_from_slice(bytes)) {
-            self.used_bytes -= self::cost(&old);
+            self.room.give_back(self::cost(&old));
         }
-        self.used_bytes += cost;
-        while self.used_bytes > self.budget_bytes {
+        self.room.take(cost);
+        while self.room.is_over() {
             let Some((_, evicted)) = self.records.pop_lru() else {
                 break;
             };
-            self.used_bytes -= self::cost(&evicted);
+            self.room.give_back(self::cost(&evicted));
         }
     }
 
@@ -97,7 +94,7 @@ impl<S: TileSource> CachedSource<S> {
             .collect();
         for request in stale {
             if let Some(bytes) = self.records.pop(&request) {
-                self.used_bytes -= cost(&bytes);
+                self.room.give_back(cost(&bytes));
             }
         }
     }
@@ -150,12 +147,13 @@ impl<S: TileSource> TileSource for CachedSource<S> {
                 ticket,
                 request,
                 bytes: Ok(bytes),
+                checked: true,
                 wire_bytes: 0,
             });
         }
         let mut answer = self.inner.poll()?;
         if let Ok(bytes) = &answer.bytes {
-            self.keep(&answer.request, bytes);
+            self.keep(&answer.request, bytes, answer.checked);
         }
         answer.ticket = outer(answer.ticket);
         Some(answer)

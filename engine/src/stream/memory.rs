@@ -145,6 +145,7 @@ impl TileSource for MemorySource {
             ticket,
             request,
             bytes,
+            checked: false,
             wire_bytes,
         })
     }

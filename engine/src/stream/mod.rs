@@ -8,7 +8,7 @@
 //! |---|---|
 //! | [`MemorySource`] | archives in memory, answered in order |
 //! | [`FolderSource`] | a folder of `.bsvtf` files, read on a thread of its own |
-//! | [`HttpSource`] | a tile server, over HTTP/1.1 |
+//! | [`HttpSource`] | a tile server, over HTTP/1.1, with TLS or without |
 //! | [`RangeSource`] | `.bsvtf` files on any web server, by ranges, over any [`Transport`] |
 //!
 //! | decorators | |
@@ -22,7 +22,7 @@
 //!
 //! [`fn@open`] makes a source of what a user typed: `Background(Disk(Retried(host)))`. One conformance suite runs over all
 //! of them, alone and on top of each other. Sources hand bytes on as they came; [`RetriedSource`] checks them, inside of everything
-//! that keeps them.
+//! that keeps them, and says so ([`Answer::checked`]): every record is checked once.
 
 #[cfg(not(target_arch = "wasm32"))]
 mod background;
@@ -49,6 +49,7 @@ mod open;
 mod random;
 mod range;
 mod retried;
+mod room;
 mod source;
 mod stats;
 mod transport;

@@ -45,8 +45,9 @@ pub fn open(tiles: &str) -> Result<Box<dyn TileSource>> {
 ///
 /// | typed | source |
 /// |---|---|
-/// | `http://HOST[:PORT][/PREFIX]` | a tile server; if there is none, the `.bsvtf` files under this address, by ranges |
-/// | `http://HOST[:PORT]/FOLDER/NAME.bsvtf` | the `.bsvtf` files of that folder, by ranges |
+/// | `http[s]://HOST[:PORT][/PREFIX]` | a tile server; if there is none, the `.bsvtf` files under this address, by ranges |
+/// | `http[s]://HOST[:PORT]/FOLDER/NAME.bsvtf` | the `.bsvtf` files of that folder, by ranges |
+/// | `http[s]://HOST[:PORT]/...?QUERY` | the same; the query, as of a presigned address, goes with every request |
 /// | anything else | a folder of `.bsvtf` files on disk |
 ///
 /// # Errors
@@ -57,18 +58,20 @@ pub fn open_with(tiles: &str, options: &OpenOptions) -> Result<Box<dyn TileSourc
         .split_once("://")
         .map(|(scheme, _)| scheme.trim_start().to_ascii_lowercase());
     match scheme.as_deref() {
-        Some("http") => {
+        Some("http" | "https") => {
             let address = Address::parse(tiles)?;
-            if address.base().to_ascii_lowercase().ends_with(".bsvtf") {
-                let transport = HttpTransport::new(options.http)?;
-                stack(RangeSource::new(transport, address.base()), options)
+            let is_file = address.base().to_ascii_lowercase().ends_with(".bsvtf");
+            if is_file || address.query().is_some() {
+                let transport = HttpTransport::new(&options.http)?;
+                let ranges = RangeSource::new(transport, address.base());
+                stack(ranges.with_query(address.query()), options)
             } else {
-                stack(EitherSource::new(tiles, options.http)?, options)
+                stack(EitherSource::new(tiles, &options.http)?, options)
             }
         }
         Some(other) => Err(Error::Source {
             what: tiles.to_owned(),
-            detail: format!("{other}:// is not supported: give http://HOST:PORT or a folder"),
+            detail: format!("{other}:// is not supported: give http://HOST:PORT, https://HOST, or a folder"),
         }),
         None => {
             let folder = RetriedSource::new(FolderSource::new(tiles)?, options.retry);
@@ -99,12 +102,14 @@ mod tests {
             ("HTTP://127.0.0.1:1/tiles/", "http://127.0.0.1:1/tiles"),
             ("http://host/tiles/cloth.bsvtf", "http://host/tiles"),
             ("http://host/cloth.BSVTF", "http://host"),
+            ("https://host/a/cloth.bsvtf?X-Amz-Signature=0f%2F", "https://host/a"),
+            ("https://host/a/?sv=1", "https://host/a"),
         ] {
             assert_eq!(open(typed).unwrap().origin(), origin, "{typed}");
         }
         for (bad, says) in [
             ("/no/such/folder", "folder"),
-            ("https://x", "https://"),
+            ("ftp://x", "ftp://"),
             ("http://", "http://HOST"),
         ] {
             let error = open(bad).err().unwrap().to_string();

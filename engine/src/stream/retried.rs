@@ -207,30 +207,32 @@ impl<S: TileSource> RetriedSource<S> {
                 self.reached |= !matches!(error, Error::Unavailable { .. });
                 return match self.pause(open, error) {
                     Ok(pause) => Verdict::Again(pause),
-                    Err(error) => Verdict::Stands(Err(error)),
+                    Err(error) => Verdict::Stands(Err(error), false),
                 };
             }
         };
         self.reached = true;
-        let Some(Err(error)) = self.directories.check(&open.request, &bytes) else {
-            return Verdict::Stands(Ok(bytes));
+        let checked = self.directories.check(&open.request, &bytes);
+        let Some(Err(error)) = checked else {
+            return Verdict::Stands(Ok(bytes), checked.is_some());
         };
         self.damaged += 1;
         open.damaged += 1;
         if open.damaged < self.options.damaged_attempts {
             return Verdict::Again(Duration::ZERO);
         }
-        Verdict::Stands(Err(Error::Source {
+        let damaged = Error::Source {
             what: format!("{}, from {}", open.request, self.inner.origin()),
             detail: format!("it came damaged {} times in a row: {error}", open.damaged),
-        }))
+        };
+        Verdict::Stands(Err(damaged), false)
     }
 }
 
 /// What is done with an answer.
 enum Verdict {
-    /// It is passed on.
-    Stands(Result<Bytes>),
+    /// It is passed on, checked or not.
+    Stands(Result<Bytes>, bool),
     /// The request is sent again after a pause.
     Again(Duration),
 }
@@ -293,11 +295,12 @@ impl<S: TileSource> TileSource for RetriedSource<S> {
             };
             open.wire_bytes += answer.wire_bytes;
             match self.judge(&mut open, answer.bytes) {
-                Verdict::Stands(bytes) => {
+                Verdict::Stands(bytes, checked) => {
                     return Some(Answer {
                         ticket,
                         request: open.request,
                         bytes,
+                        checked,
                         wire_bytes: open.wire_bytes,
                     });
                 }

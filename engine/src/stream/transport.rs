@@ -61,7 +61,8 @@ pub enum Event {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct GetId(pub u64);
 
-/// Carries GETs. Nothing blocks, and redirections are not followed.
+/// Carries GETs. Nothing blocks. Redirections are followed, a few, and never from `https` to anything else; the head of one that is not
+/// comes as it is.
 pub trait Transport {
     /// Starts a GET. Whoever starts it bounds their number.
     fn start(&mut self, get: Get) -> GetId;

@@ -7,6 +7,7 @@ mod borders;
 mod budgets;
 mod changes;
 mod decode;
+mod in_flight;
 mod maps;
 mod material;
 mod odd;

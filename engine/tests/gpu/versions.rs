@@ -49,6 +49,7 @@ impl TileSource for Host {
                 detail: "the archive changed".into(),
             }),
             request: request.clone(),
+            checked: false,
             wire_bytes: 0,
         };
         let answer = if self.given == now {

@@ -1,14 +1,14 @@
 //! An archive that is damaged on the server: its records are refused by name, the other material goes on.
 
 use engine::{Error, stream::open_with};
-use tests::Server;
+use tests::{Server, ask, requests, soon};
 use tileset::Archive;
 
-use crate::{FIXTURE, NAMES, ask, options, requests, site};
+use crate::{FIXTURE, NAMES};
 
 #[test]
 fn damaged_records_are_named_and_all_others_come() {
-    let (site, [bad, good]) = (site(), NAMES);
+    let (site, [bad, good]) = (FIXTURE.site(), NAMES);
     let path = site.path().join(format!("{bad}.bsvtf"));
     let mut bytes = std::fs::read(&path).unwrap();
     let index = Archive::open(bytes.clone()).unwrap().index;
@@ -17,7 +17,7 @@ fn damaged_records_are_named_and_all_others_come() {
     std::fs::write(&path, bytes).unwrap();
 
     let server = Server::start(site.path());
-    let mut source = open_with(&server.address, &options()).unwrap();
+    let mut source = open_with(&server.address, &soon()).unwrap();
     let mut refused = Vec::new();
     for name in [bad, good] {
         ask(
@@ -38,7 +38,7 @@ fn damaged_records_are_named_and_all_others_come() {
 
 #[test]
 fn an_archive_that_is_none_is_named_and_the_other_is_served() {
-    let (site, [bad, good]) = (site(), NAMES);
+    let (site, [bad, good]) = (FIXTURE.site(), NAMES);
     let path = site.path().join(format!("{bad}.bsvtf"));
     let bytes = std::fs::read(&path).unwrap();
     // Damage in the manifest, and half of a copy.
@@ -47,7 +47,7 @@ fn an_archive_that_is_none_is_named_and_the_other_is_served() {
     for bytes in [damaged, bytes[..bytes.len() / 2].to_vec()] {
         std::fs::write(&path, bytes).unwrap();
         let server = Server::start(site.path());
-        let mut source = open_with(&server.address, &options()).unwrap();
+        let mut source = open_with(&server.address, &soon()).unwrap();
         let index = &requests(bad, &FIXTURE.archive(bad))[..1];
         ask(&mut *source, index, |_, answer, _| {
             let error = answer.bytes.unwrap_err();

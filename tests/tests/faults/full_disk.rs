@@ -4,9 +4,9 @@
 use std::{path::Path, process::Command};
 
 use engine::stream::{DiskCacheOptions, OpenOptions, open_with};
-use tests::Server;
+use tests::{Server, ask, requests, soon};
 
-use crate::{FIXTURE, NAMES, ask, options, requests};
+use crate::{FIXTURE, NAMES};
 
 /// Where the child finds the server and the cache.
 const PLACES: [&str; 2] = ["EIGENTILE_TEST_ADDRESS", "EIGENTILE_TEST_CACHE"];
@@ -19,7 +19,7 @@ fn with_cache(folder: &Path) -> OpenOptions {
             folder: folder.to_owned(),
             budget_bytes: 1 << 30,
         }),
-        ..options()
+        ..soon()
     }
 }
 

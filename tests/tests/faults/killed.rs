@@ -8,15 +8,16 @@ use engine::{
     metrics::Picture,
     stream::{TileSource, open_with},
 };
-use tests::{ServerProcess, scene};
+use scenes::Camera;
+use tests::{PATIENCE, ServerProcess, ask, requests, scene, soon};
 
-use crate::{FIXTURE, NAMES, PATIENCE, ask, options, requests, site};
+use crate::{FIXTURE, NAMES};
 
 #[test]
 fn nothing_is_lost() {
-    let site = site();
+    let site = FIXTURE.site();
     let mut server = ServerProcess::start(site.path());
-    let mut source = open_with(&server.address, &options()).unwrap();
+    let mut source = open_with(&server.address, &soon()).unwrap();
     for name in NAMES {
         let all = requests(name, &FIXTURE.archive(name));
         ask(&mut *source, &all, |came, answer, stored| {
@@ -30,7 +31,7 @@ fn nothing_is_lost() {
     assert!(source.stats().retried > 0, "{:?}", source.stats());
 }
 
-fn engine(context: &Context, source: Box<dyn TileSource>) -> Engine {
+pub(crate) fn engine(context: &Context, source: Box<dyn TileSource>) -> Engine {
     let options = Options {
         size: (128, 96),
         wait: false,
@@ -42,6 +43,35 @@ fn engine(context: &Context, source: Box<dyn TileSource>) -> Engine {
         ..Options::default()
     };
     Engine::new(context.clone(), &scene(), source, options).unwrap()
+}
+
+/// The picture of a view when it has settled, with all archives.
+pub(crate) fn settle_at(engine: &mut Engine, camera: &Camera) -> Picture {
+    let frames = engine.settle(camera, PATIENCE).unwrap();
+    let last = frames.last().unwrap();
+    let problems: Vec<&str> = engine.problems().collect();
+    assert!(last.settled && last.archives_failed == 0, "{last:?}, {problems:?}");
+    engine.picture().unwrap()
+}
+
+/// The picture of the scene's view when all has come that will.
+pub(crate) fn settle_whatever(engine: &mut Engine) -> Picture {
+    let frames = engine.settle(&scene().cameras[0], PATIENCE).unwrap();
+    let last = frames.last().unwrap();
+    assert!(last.settled, "{last:?}");
+    engine.picture().unwrap()
+}
+
+/// But for where records lie in other slots, and texture filters round their coordinates there.
+pub(crate) fn assert_close(picture: &Picture, expected: &Picture) {
+    let pairs = picture
+        .pixels
+        .iter()
+        .flatten()
+        .zip(expected.pixels.iter().flatten());
+    for (a, b) in pairs {
+        assert!((a - b).abs() < 0.02 * b.abs() + 2e-3, "{a} instead of {b}");
+    }
 }
 
 /// The picture when all is there; between frames, `between` is told how many pages there are.
@@ -70,13 +100,13 @@ fn pictures_end_the_same() {
     let expected = settle(
         engine(
             &context,
-            open_with(FIXTURE.tiles().to_str().unwrap(), &options()).unwrap(),
+            open_with(FIXTURE.tiles().to_str().unwrap(), &soon()).unwrap(),
         ),
         |_| (),
     );
-    let site = site();
+    let site = FIXTURE.site();
     let mut server = ServerProcess::start(site.path());
-    let source = open_with(&server.address, &options()).unwrap();
+    let source = open_with(&server.address, &soon()).unwrap();
     // Killed before the first index has come, and again when some pages are there.
     let mut kills = 0;
     let picture = settle(engine(&context, source), |pages| {
@@ -86,13 +116,5 @@ fn pictures_end_the_same() {
         }
     });
     assert!(kills > 0);
-    let pairs = picture
-        .pixels
-        .iter()
-        .flatten()
-        .zip(expected.pixels.iter().flatten());
-    for (a, b) in pairs {
-        // Records lie in other slots, and texture filters round their coordinates there.
-        assert!((a - b).abs() < 0.02 * b.abs() + 2e-3, "{a} instead of {b}");
-    }
+    assert_close(&picture, &expected);
 }

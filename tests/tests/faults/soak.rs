@@ -10,9 +10,9 @@ use std::{
 };
 
 use engine::stream::{Request, open_with};
-use tests::ServerProcess;
+use tests::{PATIENCE, ServerProcess, ask, requests, soon};
 
-use crate::{FIXTURE, NAMES, PATIENCE, ask, options, requests, site};
+use crate::{FIXTURE, NAMES};
 
 /// Until caches are full and threads are there; and from then on.
 const WARM_UP: Duration = Duration::from_secs(2);
@@ -41,7 +41,7 @@ fn client(address: &str, seed: u64, end: &AtomicBool) -> u64 {
         .collect();
     let (mut random, mut came) = (Random(seed), 0);
     while !end.load(Ordering::Relaxed) {
-        let mut source = open_with(address, &options()).unwrap();
+        let mut source = open_with(address, &soon()).unwrap();
         let mut open = Vec::new();
         for _ in 0..400 {
             match random.below(8) {
@@ -119,7 +119,7 @@ fn replace(folder: &Path, end: &AtomicBool) {
 
 #[test]
 fn memory_stays_and_what_comes_is_right() {
-    let (site, end) = (site(), AtomicBool::new(false));
+    let (site, end) = (FIXTURE.site(), AtomicBool::new(false));
     let server = ServerProcess::start(site.path());
     let (address, end) = (&*server.address, &end);
     let (grown, came) = std::thread::scope(|scope| {
@@ -145,7 +145,7 @@ fn memory_stays_and_what_comes_is_right() {
     for name in NAMES {
         let all = requests(name, &FIXTURE.archive(name));
         let whole = |all: &[(Request, Vec<u8>)]| {
-            let (mut source, mut right) = (open_with(address, &options()).unwrap(), 0);
+            let (mut source, mut right) = (open_with(address, &soon()).unwrap(), 0);
             ask(&mut *source, all, |_, answer, stored| {
                 right += usize::from(answer.bytes.is_ok_and(|bytes| bytes == stored));
             });

@@ -16,7 +16,7 @@ use tests::Server;
 use tileserver::{Collection, Objects, Options};
 use tokio::{net::TcpListener, runtime::Runtime};
 
-use crate::{check, names, options, site};
+use crate::{FIXTURE, check, options};
 
 const KEY: &str = "key";
 const SECRET: &str = "secret";
@@ -62,7 +62,7 @@ impl Buckets {
 
 /// The archives in a bucket.
 fn buckets() -> (tempfile::TempDir, Buckets) {
-    let (site, folder) = (site(), tempfile::tempdir().unwrap());
+    let (site, folder) = (FIXTURE.site(), tempfile::tempdir().unwrap());
     std::fs::create_dir(folder.path().join("materials")).unwrap();
     std::fs::rename(site.path(), folder.path().join("materials/btf")).unwrap();
     let buckets = Buckets::start(folder.path());
@@ -72,13 +72,13 @@ fn buckets() -> (tempfile::TempDir, Buckets) {
 #[test]
 fn a_bucket_is_enough() {
     let (_folder, buckets) = buckets();
-    let name = &names()[0];
+    let name = &FIXTURE.names()[0];
     for url in [
         format!("{}/materials/btf", buckets.address),
         format!("{}/materials/btf/{name}.bsvtf", buckets.address),
     ] {
         let mut source = open_with(&url, &options(None)).unwrap();
-        for name in names() {
+        for name in FIXTURE.names() {
             check(&mut *source, &name, || {});
         }
     }
@@ -109,7 +109,7 @@ fn our_server_stands_in_front_of_a_bucket() {
     );
     let server = Server::of(open(SECRET).unwrap(), Options::default());
     let mut source = open_with(&server.address, &options(None)).unwrap();
-    let names = names();
+    let names = FIXTURE.names();
     check(&mut *source, &names[0], || {});
     // What has gone from the bucket is named in the error; the other archive goes on.
     let mut left = open_with(&server.address, &options(None)).unwrap();

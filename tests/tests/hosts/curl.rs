@@ -4,7 +4,7 @@ use std::process::Command;
 
 use tests::Server;
 
-use crate::{FIXTURE, names};
+use crate::FIXTURE;
 
 /// What curl was answered.
 struct Answered {
@@ -57,7 +57,7 @@ fn curl(url: &str, arguments: &[&str]) -> Answered {
 #[test]
 fn curl_gets_ranges_conditions_and_both_versions_of_http() {
     let server = Server::start(&FIXTURE.tiles());
-    let name = &names()[0];
+    let name = &FIXTURE.names()[0];
     let url = format!("{}/v1/{name}.bsvtf", server.address);
     let file = std::fs::read(FIXTURE.archive(name)).unwrap();
     let length = file.len();

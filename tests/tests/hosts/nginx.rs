@@ -9,7 +9,7 @@ use std::{
 
 use engine::stream::open_with;
 
-use crate::{check, names, options, site};
+use crate::{FIXTURE, check, options};
 
 /// A program, until it is dropped.
 struct Running(Child);
@@ -74,12 +74,12 @@ fn nginx(folder: &Path, port: u16) -> Running {
 
 #[test]
 fn nginx_is_enough_even_if_it_is_started_again_and_the_cache_even_without_it() {
-    let (site, cache, port) = (site(), tempfile::tempdir().unwrap(), free_port());
+    let (site, cache, port) = (FIXTURE.site(), tempfile::tempdir().unwrap(), free_port());
     let url = format!("http://127.0.0.1:{port}/");
     let mut host = Some(nginx(site.path(), port));
     let with_cache = options(Some(cache.path()));
     let mut source = open_with(&url, &with_cache).unwrap();
-    for name in names() {
+    for name in FIXTURE.names() {
         check(&mut *source, &name, || {
             host.take();
             host = Some(nginx(site.path(), port));
@@ -93,16 +93,16 @@ fn nginx_is_enough_even_if_it_is_started_again_and_the_cache_even_without_it() {
 
     // Another run: nothing but the indices crosses the wire. And one without the host.
     let mut source = open_with(&url, &with_cache).unwrap();
-    for name in names() {
+    for name in FIXTURE.names() {
         check(&mut *source, &name, || {});
     }
     assert_eq!(source.stats().offline, 0);
     assert!(source.stats().from_disk > 0, "{:?}", source.stats());
     host.take();
     let mut source = open_with(&url, &with_cache).unwrap();
-    for name in names() {
+    for name in FIXTURE.names() {
         let answers = check(&mut *source, &name, || {});
         assert!(answers.iter().all(|answer| answer.wire_bytes == 0));
     }
-    assert_eq!(source.stats().offline as usize, names().len());
+    assert_eq!(source.stats().offline as usize, FIXTURE.names().len());
 }

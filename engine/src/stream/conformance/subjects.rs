@@ -72,14 +72,14 @@ fn folder() -> Subject {
 fn http() -> Subject {
     let folder = Fixture::get().folder();
     let served = Served::start(folder.path());
-    Subject::new(HttpSource::new(&served.url, HttpOptions::default()).unwrap())
+    Subject::new(HttpSource::new(&served.url, &HttpOptions::default()).unwrap())
         .needing(served)
         .needing(folder)
 }
 
 fn ranges() -> Subject {
     let host = Host::start();
-    let transport = HttpTransport::new(HttpOptions::default()).unwrap();
+    let transport = HttpTransport::new(&HttpOptions::default()).unwrap();
     Subject::new(RangeSource::new(transport, &host.url)).needing(host)
 }
 
@@ -246,12 +246,12 @@ pub(super) fn subjects() -> Vec<(&'static str, Make)> {
         ("either, a tile server", || {
             let folder = Fixture::get().folder();
             let served = Served::start(folder.path());
-            let source = EitherSource::new(&served.url, HttpOptions::default()).unwrap();
+            let source = EitherSource::new(&served.url, &HttpOptions::default()).unwrap();
             Subject::new(source).needing(served).needing(folder)
         }),
         ("either, a static host", || {
             let host = Host::start();
-            Subject::new(EitherSource::new(&host.url, HttpOptions::default()).unwrap()).needing(host)
+            Subject::new(EitherSource::new(&host.url, &HttpOptions::default()).unwrap()).needing(host)
         }),
         ("all of open, disk, range", || {
             let host = Host::start();

@@ -136,8 +136,9 @@ impl<S: TileSource> DiskCachedSource<S> {
     }
 
     /// Keeps what came, if it holds.
-    fn keep(&mut self, request: &Request, bytes: &Bytes) {
-        if !self.directories.holds(request, bytes) {
+    fn keep(&mut self, request: &Request, bytes: &Bytes, checked: bool) {
+        let is_index = matches!(request, Request::Index { .. });
+        if !(checked && !is_index || self.directories.holds(request, bytes)) {
             return;
         }
         let Some(index) = self.directories.get(request.archive()).cloned() else {
@@ -242,13 +243,14 @@ impl<S: TileSource> TileSource for DiskCachedSource<S> {
                 ticket,
                 request,
                 bytes: Ok(bytes),
+                checked: true,
                 wire_bytes: 0,
             });
         }
         let mut answer = self.inner.poll()?;
         answer.ticket = outer(answer.ticket);
         match (&answer.bytes, &answer.request) {
-            (Ok(bytes), _) => self.keep(&answer.request, bytes),
+            (Ok(bytes), _) => self.keep(&answer.request, bytes, answer.checked),
             (Err(Error::Unavailable { .. }), Request::Index { archive }) => {
                 if let Some(bytes) = self.last_known(archive) {
                     self.offline += 1;

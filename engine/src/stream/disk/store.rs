@@ -12,6 +12,8 @@ use std::{
     time::{Duration, Instant, SystemTime},
 };
 
+use super::super::room::Room;
+
 /// Space is given out by file systems in blocks of this size, as a rule, so files count as that many.
 const BLOCK_BYTES: u64 = 4096;
 /// Longest wait for another process that is adding something.
@@ -24,7 +26,8 @@ const KEPT_SHARE: f64 = 7.0 / 8.0;
 /// A folder of files of at most so many bytes.
 pub(super) struct Store {
     folder: PathBuf,
-    budget_bytes: u64,
+    /// What all its files may take; what they take stands in the file of the lock.
+    room: Room,
 }
 
 /// What a file takes.
@@ -38,7 +41,7 @@ impl Store {
         fs::create_dir_all(folder)?;
         let store = Self {
             folder: folder.to_owned(),
-            budget_bytes,
+            room: Room::new(budget_bytes),
         };
         if let Some(mut lock) = store.lock()? {
             let used = store.evict(budget_bytes)?;
@@ -77,25 +80,28 @@ impl Store {
     /// Adds a file, unless it is larger than the budget or somebody else is at it. Returns whether it is there.
     pub(super) fn write(&self, name: &str, bytes: &[u8]) -> io::Result<bool> {
         let cost = cost(bytes.len() as u64);
-        if cost > self.budget_bytes {
+        if !self.room.admits(cost) {
             return Ok(false);
         }
         let path = self.folder.join(name);
         let Some(mut lock) = self.lock()? else {
             return Ok(false);
         };
-        let before = fs::metadata(&path).map_or(0, |old| self::cost(old.len()));
-        let mut used = match read_used(&mut lock)? {
+        let budget = self.room.budget_bytes();
+        let before = || fs::metadata(&path).map_or(0, |old| self::cost(old.len()));
+        let used = match read_used(&mut lock)? {
             Some(used) => used,
-            None => self.evict(self.budget_bytes)?,
+            None => self.evict(budget)?,
         };
-        if used.saturating_sub(before) + cost > self.budget_bytes {
-            let kept = (self.budget_bytes as f64 * KEPT_SHARE) as u64;
-            used = self.evict(kept.min(self.budget_bytes - cost))?;
+        let mut room = self.room.with_used(used);
+        room.replace(before(), cost);
+        if room.is_over() {
+            let kept = (budget as f64 * KEPT_SHARE) as u64;
+            room = self.room.with_used(self.evict(kept.min(budget - cost))?);
+            room.replace(before(), cost);
         }
-        let before = fs::metadata(&path).map_or(0, |old| self::cost(old.len()));
         // Counted before it is written: a process that ends in between has counted too much, not too little.
-        write_used(&mut lock, used.saturating_sub(before) + cost)?;
+        write_used(&mut lock, room.used_bytes())?;
         if let Some(parent) = path.parent() {
             fs::create_dir_all(parent)?;
         }

@@ -7,34 +7,53 @@ use crate::{Error, Result};
 
 /// Where a tile server is.
 pub(in crate::stream) struct Address {
-    /// `http://HOST[:PORT][/PREFIX]`, without a slash at the end.
+    /// `http[s]://HOST[:PORT][/PREFIX]`, without a slash at the end.
     base: String,
+    /// What stands behind the `?`.
+    query: Option<String>,
 }
 
 impl Address {
     pub(in crate::stream) fn parse(typed: &str) -> Result<Self> {
         let refuse = |detail: &str| Error::Source {
             what: format!("address {typed:?}"),
-            detail: format!("{detail}: give http://HOST:PORT"),
+            detail: format!("{detail}: give http://HOST:PORT or https://HOST"),
         };
         let uri: Uri = typed
             .trim()
             .parse()
             .map_err(|error| refuse(&format!("no URL ({error})")))?;
-        if uri.scheme_str() != Some("http") {
-            return Err(refuse("only http:// is supported"));
-        }
+        let scheme = uri.scheme_str().filter(|scheme| matches!(*scheme, "http" | "https"));
+        let scheme = scheme.ok_or_else(|| refuse("only http:// and https:// are supported"))?;
         let authority = uri.authority().filter(|authority| !authority.host().is_empty());
         let authority = authority.ok_or_else(|| refuse("no host"))?;
-        if authority.as_str().contains('@') || uri.query().is_some() {
-            return Err(refuse("user names and queries are not supported"));
+        if authority.as_str().contains('@') {
+            return Err(refuse("user names are not supported"));
         }
         Ok(Self {
-            base: format!("http://{authority}{}", uri.path().trim_end_matches('/')),
+            base: format!("{scheme}://{authority}{}", uri.path().trim_end_matches('/')),
+            query: uri.query().map(str::to_owned),
         })
     }
 
-    /// As it was given, without a slash at the end.
+    /// What stands behind the `?` of the address, as a presigned one has it.
+    pub(in crate::stream) fn query(&self) -> Option<&str> {
+        self.query.as_deref()
+    }
+
+    /// # Errors
+    /// [`Error::Source`] for an address with a query: a tile server has none.
+    pub(super) fn without_query(self) -> Result<Self> {
+        match self.query {
+            None => Ok(self),
+            Some(_) => Err(Error::Source {
+                what: format!("address {:?}", self.base),
+                detail: "tile servers take no query: leave out what stands behind the question mark".into(),
+            }),
+        }
+    }
+
+    /// As it was given, without a slash at the end, and without query.
     pub(in crate::stream) fn base(&self) -> &str {
         &self.base
     }
@@ -93,10 +112,12 @@ mod tests {
             "host",
             "ftp://host",
             "http://user:secret@host",
-            "http://host/?q",
             "http://a b",
         ] {
             assert!(Address::parse(bad).is_err(), "{bad}");
         }
+        let signed = Address::parse("HTTPS://host/a.bsvtf?sig=a%2Fb").unwrap();
+        assert_eq!((signed.base(), signed.query()), ("https://host/a.bsvtf", Some("sig=a%2Fb")));
+        assert!(signed.without_query().is_err());
     }
 }

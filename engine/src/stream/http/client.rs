@@ -1,7 +1,10 @@
 //! One GET: the body and its bound, and what the server says when it has nothing.
 
 use std::{
-    sync::atomic::{AtomicU64, Ordering},
+    sync::{
+        Arc,
+        atomic::{AtomicU64, Ordering},
+    },
     time::Duration,
 };
 
@@ -13,7 +16,7 @@ use tokio::time::timeout;
 
 use super::{
     HttpOptions,
-    connect::{Connections, broken_off, connections, head_bytes, request, silent, unreachable},
+    connect::{Connections, Reached, broken_off, fields, silent},
 };
 use crate::{Error, Result};
 
@@ -37,21 +40,22 @@ pub(super) enum Begun {
 
 /// Connections to one server, and how it is asked.
 pub(super) struct HttpClient {
-    client: Connections,
-    options: HttpOptions,
+    connections: Arc<Connections>,
+    silence: Duration,
     exchanges: AtomicU64,
     received: AtomicU64,
 }
 
 impl HttpClient {
-    pub(super) fn new(options: HttpOptions) -> Self {
-        let client = connections(options);
-        Self {
-            client,
-            options,
+    /// # Errors
+    /// Those of [`Connections::new`].
+    pub(super) fn new(options: &HttpOptions) -> Result<Self> {
+        Ok(Self {
+            connections: Connections::new(options)?,
+            silence: options.silence,
             exchanges: AtomicU64::new(0),
             received: AtomicU64::new(0),
-        }
+        })
     }
 
     /// GETs so far.
@@ -80,15 +84,13 @@ impl HttpClient {
 
     /// Sends a GET and waits for its head, which is added to `wire_bytes`.
     pub(super) async fn begin(&self, url: &str, anew: bool, wire_bytes: &AtomicU64) -> Result<Begun> {
-        let request = request(url, anew)?;
-        self.exchanges.fetch_add(1, Ordering::Relaxed);
-        let silence = self.options.silence;
-        let uri = request.uri().clone();
-        let response = timeout(silence, self.client.request(request)).await;
-        let response = response
-            .map_err(|_| passing(url, silent(silence), None))?
-            .map_err(|error| passing(url, unreachable(&uri, &error), None))?;
-        self.count(head_bytes(&response), wire_bytes);
+        let reached = self.connections.get(url, &fields(anew)).await;
+        let exchanges = reached.as_ref().map_or(1, |reached| reached.exchanges);
+        self.exchanges.fetch_add(exchanges, Ordering::Relaxed);
+        let Reached {
+            response, head_bytes, ..
+        } = reached.map_err(|detail| passing(url, detail, None))?;
+        self.count(head_bytes, wire_bytes);
         let status = response.status();
         if status == StatusCode::OK || status == StatusCode::NO_CONTENT {
             return Ok(Begun::Body(response.into_body()));
@@ -114,7 +116,7 @@ impl HttpClient {
 
     /// The next bytes of a body; `None` at its end. The caller counts them.
     pub(super) async fn data(&self, url: &str, body: &mut Incoming) -> Result<Option<Bytes>> {
-        let silence = self.options.silence;
+        let silence = self.silence;
         while let Some(frame) = timeout(silence, body.frame())
             .await
             .map_err(|_| passing(url, silent(silence), None))?

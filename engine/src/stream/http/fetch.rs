@@ -106,12 +106,14 @@ pub(super) struct Fetcher {
 }
 
 impl Fetcher {
-    pub(super) fn new(address: Address, options: HttpOptions) -> Self {
-        Self {
-            client: HttpClient::new(options),
+    /// # Errors
+    /// Those of [`HttpClient::new`].
+    pub(super) fn new(address: Address, options: &HttpOptions) -> Result<Self> {
+        Ok(Self {
+            client: HttpClient::new(options)?,
             address,
             archives: Mutex::default(),
-        }
+        })
     }
 
     /// Fetches what is asked for.

@@ -1,4 +1,4 @@
-//! A tile server as a source, over HTTP/1.1 with connections that are kept. docs/http.md is the protocol.
+//! A tile server as a source, over HTTP/1.1 with connections that are kept, with TLS or without. Redirections are followed. docs/http.md is the protocol.
 //!
 //! Requests run on one thread of their own; the frame only submits and polls. Native programs only: a browser
 //! has its own client.
@@ -8,11 +8,13 @@ mod batch;
 mod client;
 mod connect;
 mod fetch;
+mod redirection;
 #[cfg(test)]
 mod tests;
 mod transport;
 
 use std::{
+    path::PathBuf,
     sync::{Arc, atomic::Ordering},
     time::Duration,
 };
@@ -29,12 +31,14 @@ use super::{Answer, Request, SourceStats, Ticket, TileSource, inbox::Inbox};
 use crate::{Error, Result};
 
 /// How sources over HTTP ask. Defaults work.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct HttpOptions {
     /// Requests in flight, and so connections, at most; at least one.
     pub in_flight: usize,
     /// Longest silence: until there is a connection, until an answer begins, and between its parts.
     pub silence: Duration,
+    /// PEM file with certificates of authorities that are trusted besides those that the system trusts, for `https://`.
+    pub ca_file: Option<PathBuf>,
 }
 
 impl Default for HttpOptions {
@@ -42,6 +46,7 @@ impl Default for HttpOptions {
         Self {
             in_flight: 32,
             silence: Duration::from_secs(20),
+            ca_file: None,
         }
     }
 }
@@ -82,16 +87,16 @@ pub struct HttpSource {
 }
 
 impl HttpSource {
-    /// A source of the server at `http://HOST[:PORT][/PREFIX]`. Nothing is asked yet.
+    /// A source of the server at `http[s]://HOST[:PORT][/PREFIX]`. Nothing is asked yet.
     ///
     /// # Errors
-    /// [`Error::Source`] if the address is none, or no thread can be started.
-    pub fn new(address: &str, options: HttpOptions) -> Result<Self> {
-        let address = Address::parse(address)?;
+    /// [`Error::Source`] if the address is none, certificates cannot be read, or no thread can be started.
+    pub fn new(address: &str, options: &HttpOptions) -> Result<Self> {
+        let address = Address::parse(address)?.without_query()?;
         let inbox = Inbox::new(options.in_flight.max(1));
         Ok(Self {
             inbox,
-            fetcher: Arc::new(Fetcher::new(address, options)),
+            fetcher: Arc::new(Fetcher::new(address, options)?),
             pending: Vec::new(),
             stats: SourceStats::default(),
             runtime: Some(network_thread()?),
@@ -149,6 +154,7 @@ impl HttpSource {
                     ticket: tickets[at],
                     request: flight.request.clone(),
                     bytes,
+                    checked: false,
                     wire_bytes: flight.wire_bytes.load(Ordering::Relaxed),
                 });
             };

@@ -10,7 +10,7 @@ use std::{
 };
 
 use http_body_util::BodyExt;
-use hyper::{Request, header};
+use hyper::{HeaderMap, header};
 use tokio::{
     runtime::Runtime,
     sync::{OwnedSemaphorePermit, Semaphore},
@@ -21,7 +21,7 @@ use tokio::{
 use super::{
     super::transport::{Event, Get, GetId, Head, Transport},
     HttpOptions,
-    connect::{Connections, broken_off, connections, head_bytes, request, silent, unreachable},
+    connect::{Connections, Reached, broken_off, fields, silent},
     network_thread,
 };
 use crate::Result;
@@ -32,10 +32,10 @@ const MAX_UNREAD_BYTES: usize = 8 << 20;
 /// An event, and the room that it takes until it is taken or dropped.
 type Told = (GetId, Event, Option<OwnedSemaphorePermit>);
 
-/// Carries GETs over HTTP/1.1, with connections that are kept.
+/// Carries GETs over HTTP/1.1, with connections that are kept, with TLS or without; follows redirections.
 pub struct HttpTransport {
-    options: HttpOptions,
-    connections: Connections,
+    silence: Duration,
+    connections: Arc<Connections>,
     next: u64,
     tasks: HashMap<GetId, AbortHandle>,
     sender: Sender<Told>,
@@ -48,12 +48,12 @@ pub struct HttpTransport {
 
 impl HttpTransport {
     /// # Errors
-    /// [`crate::Error::Source`] if no thread can be started.
-    pub fn new(options: HttpOptions) -> Result<Self> {
+    /// [`crate::Error::Source`] if certificates cannot be read, or no thread can be started.
+    pub fn new(options: &HttpOptions) -> Result<Self> {
         let (sender, receiver) = channel();
         Ok(Self {
-            options,
-            connections: connections(options),
+            silence: options.silence,
+            connections: Connections::new(options)?,
             next: 0,
             tasks: HashMap::new(),
             sender,
@@ -80,19 +80,15 @@ impl HttpTransport {
 
 /// A GET, told step by step. Nothing is heard any more when the source is gone.
 async fn carry(
-    connections: Connections,
+    connections: Arc<Connections>,
     silence: Duration,
     get: Get,
     room: Arc<Semaphore>,
     tell: impl Fn(Event, Option<OwnedSemaphorePermit>),
 ) -> std::result::Result<(), String> {
-    let mut request = request(&get.url, get.anew).map_err(|error| error.to_string())?;
-    set_fields(&mut request, &get)?;
-    let uri = request.uri().clone();
-    let response = timeout(silence, connections.request(request)).await;
-    let response = response
-        .map_err(|_| silent(silence))?
-        .map_err(|error| unreachable(&uri, &error))?;
+    let Reached {
+        response, head_bytes, ..
+    } = connections.get(&get.url, &range_fields(&get)?).await?;
     let text = |value: &header::HeaderValue| value.to_str().ok().map(str::to_owned);
     let fields = response.headers().iter();
     let head = Event::Head(Head {
@@ -100,7 +96,7 @@ async fn carry(
         fields: fields
             .filter_map(|(name, value)| Some((name.as_str().to_owned(), text(value)?)))
             .collect(),
-        wire_bytes: head_bytes(&response),
+        wire_bytes: head_bytes,
     });
     tell(head, None);
     let mut body = response.into_body();
@@ -120,11 +116,11 @@ async fn carry(
     Ok(())
 }
 
-fn set_fields<B>(request: &mut Request<B>, get: &Get) -> std::result::Result<(), String> {
+fn range_fields(get: &Get) -> std::result::Result<HeaderMap, String> {
     let value = |text: &str| {
         header::HeaderValue::from_str(text).map_err(|_| format!("{text:?} cannot stand in a header"))
     };
-    let fields = request.headers_mut();
+    let mut fields = fields(get.anew);
     fields.insert(
         header::ACCEPT_ENCODING,
         header::HeaderValue::from_static("identity"),
@@ -136,7 +132,7 @@ fn set_fields<B>(request: &mut Request<B>, get: &Get) -> std::result::Result<(),
             fields.insert(header::IF_RANGE, value(validator)?);
         }
     }
-    Ok(())
+    Ok(fields)
 }
 
 impl Transport for HttpTransport {
@@ -144,8 +140,8 @@ impl Transport for HttpTransport {
         let id = GetId(self.next);
         self.next += 1;
         let Some(runtime) = &self.runtime else { return id };
-        let (connections, sender) = (self.connections.clone(), self.sender.clone());
-        let (silence, room) = (self.options.silence, Arc::clone(&self.room));
+        let (connections, sender) = (Arc::clone(&self.connections), self.sender.clone());
+        let (silence, room) = (self.silence, Arc::clone(&self.room));
         let task = runtime.spawn(async move {
             let tell = |event, permit| {
                 let _ = sender.send((id, event, permit));

@@ -5,13 +5,13 @@ use std::time::Instant;
 use tileset::{Archive, PageId};
 
 use super::*;
-use crate::stream::{
+use crate::{Error, stream::{
     HttpOptions, HttpTransport, RetriedSource, RetryOptions,
     conformance::{Fixture, Host, Trick, archive, drain, fetch},
-};
+}};
 
 fn ranges(host: &Host) -> RangeSource<HttpTransport> {
-    RangeSource::new(HttpTransport::new(HttpOptions::default()).unwrap(), &host.url)
+    RangeSource::new(HttpTransport::new(&HttpOptions::default()).unwrap(), &host.url)
 }
 
 fn retried(host: &Host) -> RetriedSource<RangeSource<HttpTransport>> {
@@ -272,7 +272,7 @@ fn what_passes_is_survived() {
         if matches!(trick, Trick::Pause(_)) {
             silence.silence = Duration::from_millis(100);
         }
-        let transport = HttpTransport::new(silence).unwrap();
+        let transport = HttpTransport::new(&silence).unwrap();
         let mut source = again(RangeSource::new(transport, &host.url));
         if trick != Trick::Damage(0) {
             host.play([trick, trick]);

@@ -63,10 +63,17 @@ impl Trouble {
                 "the host refuses it with status {status}: let everybody read the file, and see that it exists"
             )),
             300..=399 => Trouble::Lasting(format!(
-                "status {status}: redirections are not followed; it lies at {}",
-                head.field("location").unwrap_or("an address that is not said")
+                "status {status}: the redirection to {} is not followed: more than five in a row, away from https, or no address",
+                place(head.field("location"))
             )),
             _ => Trouble::Lasting(format!("the host answers with status {status}")),
         }
     }
+}
+
+/// An address without its query, which may hold a signature.
+fn place(location: Option<&str>) -> &str {
+    location
+        .and_then(|location| location.split('?').next())
+        .unwrap_or("an address that is not said")
 }

@@ -65,6 +65,7 @@ impl TileSource for Failing {
             ticket,
             request,
             bytes: self.errors.pop().map_or(Ok(Bytes::new()), Err),
+            checked: false,
             wire_bytes: 10,
         })
     }

@@ -7,20 +7,29 @@
 //! What residency will ask for next is fetched early: its record waits in the store until then. Early records take what
 //! the wanted ones leave of requests and bytes in flight, give way to them, and are given up in the frame in which residency
 //! names them no more.
+//!
+//! `queue`: the order in which records are asked for. `window`: how many of them are. `items`: what an item is to its archive.
+
+mod items;
+mod queue;
+mod window;
 
 use std::collections::{BTreeSet, HashMap, HashSet, VecDeque};
 use std::sync::Arc;
 
-use bytes::Bytes;
-use tileset::{Page, PageId, Record};
+use tileset::Page;
 
+use self::{
+    items::{btf_of, has_children_here, material_of, name, record_of},
+    window::{Sent, Window},
+};
 use super::{decoding::Decoding, options::Budgets, problems::Problems, stats::Counters, workers::Workers};
 use crate::{
-    Error, Result,
-    decode::{Decoded, Done, HostStore, Pending, Step, alone},
+    Error,
+    decode::{Decoded, Done, HostStore, Pending, Step},
     gpu::materials::Btf,
-    residency::{Item, MaterialId, Plan},
-    stream::{Answer, Request, Ticket, TileSource},
+    residency::{Item, MaterialId},
+    stream::{Answer, Ticket},
 };
 
 /// How often a record is asked for again when it does not match the directory.
@@ -37,9 +46,10 @@ pub(super) struct Records {
     order: HashMap<Item, usize>,
     /// Items in `order` whose records came early, or could not be had: once is enough.
     early: HashSet<Item>,
-    tickets: HashMap<Ticket, Item>,
+    tickets: HashMap<Ticket, Flight>,
     flying: HashMap<Item, Ticket>,
     bytes_in_flight: u64,
+    window: Window,
     /// With the time in seconds at which each was asked for.
     wanted: HashMap<Item, f64>,
     /// Seconds from there until it was decoded, of late.
@@ -55,6 +65,12 @@ pub(super) struct Records {
     budgets: Budgets,
     /// The GPU decodes pages, as far as it can.
     on_gpu: bool,
+}
+
+/// A request on its way.
+struct Flight {
+    item: Item,
+    sent: Sent,
 }
 
 struct Waiting {
@@ -74,6 +90,7 @@ impl Records {
             tickets: HashMap::new(),
             flying: HashMap::new(),
             bytes_in_flight: 0,
+            window: Window::default(),
             wanted: HashMap::new(),
             latency: 0.0,
             timed: 0.0,
@@ -101,204 +118,19 @@ impl Records {
         }
     }
 
-    /// Starts what a plan asks for and gives up what it cancels; fetches in the order of `upcoming`, also what is not
-    /// asked for yet.
-    pub(super) fn follow(
-        &mut self,
-        plan: &Plan,
-        upcoming: &[Item],
-        now: f64,
-        btfs: &[Arc<Btf>],
-        source: &mut dyn TileSource,
-        counters: &mut Counters,
-    ) {
-        self.cancel(&plan.cancel, btfs, source, counters);
-        self.request(&plan.request, now, btfs, counters);
-        self.arrange(upcoming, btfs);
-        self.abort_stale(btfs, source, counters);
-    }
-
-    /// Brings what is to be submitted into the order of now: first ancestors that others wait for, then `upcoming`. What was
-    /// queued early and is not among it any more is forgotten.
-    fn arrange(&mut self, upcoming: &[Item], btfs: &[Arc<Btf>]) {
-        self.order.clear();
-        self.order.extend(upcoming.iter().copied().zip(1..));
-        self.early.retain(|item| self.order.contains_key(item));
-        let needed = self.needed();
-        let mut queue: Vec<(usize, Item)> = Vec::new();
-        for item in std::mem::take(&mut self.queue) {
-            if needed.contains(&item) {
-                queue.push((0, item));
-            } else if self.wanted.contains_key(&item) {
-                queue.push((self.order.get(&item).copied().unwrap_or(usize::MAX), item));
-            }
-        }
-        let mut early_bytes = 0;
-        for (&item, place) in upcoming.iter().zip(1..) {
-            if self.wanted.contains_key(&item) || needed.contains(&item) {
-                continue;
-            }
-            let bytes = length(item, btfs);
-            early_bytes += bytes;
-            if early_bytes > self.budgets.host_bytes / 4 {
-                break; // The store would drop the first of them for the last.
-            }
-            let comes =
-                self.flying.contains_key(&item) || self.early.contains(&item) || self.store.has_record(item);
-            if bytes > 0 && !comes {
-                queue.push((place, item));
-            }
-        }
-        queue.sort_by_key(|(place, _)| *place);
-        self.queue.extend(queue.into_iter().map(|(_, item)| item));
-    }
-
-    /// Gives up what is in flight early and has lost its place.
-    fn abort_stale(&mut self, btfs: &[Arc<Btf>], source: &mut dyn TileSource, counters: &mut Counters) {
-        let needed = self.needed();
-        let is_stale = |item: &Item| {
-            !self.wanted.contains_key(item) && !self.order.contains_key(item) && !needed.contains(item)
-        };
-        let stale = self.tickets.iter().filter(|(_, item)| is_stale(item));
-        let mut stale: Vec<Ticket> = stale.map(|(ticket, _)| *ticket).collect();
-        stale.sort_unstable();
-        for ticket in stale {
-            self.abort(ticket, btfs, source, counters);
-        }
-    }
-
-    fn abort(
-        &mut self,
-        ticket: Ticket,
-        btfs: &[Arc<Btf>],
-        source: &mut dyn TileSource,
-        counters: &mut Counters,
-    ) {
-        source.cancel(ticket);
-        self.land(ticket, btfs);
-        counters.requests_cancelled += 1;
-    }
-
-    /// Ancestors whose records pending pages wait for.
-    fn needed(&self) -> HashSet<Item> {
-        self.pending.iter().filter_map(|waiting| waiting.needs).collect()
-    }
-
-    /// Whether nobody has asked for an item yet.
-    fn is_early(&self, item: Item) -> bool {
-        !self.wanted.contains_key(&item) && self.order.contains_key(&item)
-    }
-
-    /// Gives items up.
-    pub(super) fn cancel(
-        &mut self,
-        items: &[Item],
-        btfs: &[Arc<Btf>],
-        source: &mut dyn TileSource,
-        counters: &mut Counters,
-    ) {
-        for &item in items {
-            if self.wanted.remove(&item).is_some() {
-                counters.requests_cancelled += 1;
-                self.queue.retain(|&queued| queued != item);
-                self.pending.retain(|waiting| waiting.pending.item != item);
-                let needed = self.pending.iter().any(|waiting| waiting.needs == Some(item));
-                if let Some(ticket) = self.flying.get(&item).copied().filter(|_| !needed) {
-                    source.cancel(ticket);
-                    self.land(ticket, btfs);
-                }
-            }
-        }
-    }
-
-    /// Starts with items: those that the host still has can be decoded at once.
-    fn request(&mut self, items: &[Item], now: f64, btfs: &[Arc<Btf>], counters: &mut Counters) {
-        for &item in items {
-            if self.wanted.insert(item, now).is_some() {
-                continue;
-            }
-            if self.decoding.contains(item) {
-                // Asked for before, given up, and wanted again: it is on its way.
-                continue;
-            }
-            let stored = self.store.record(item);
-            if record_of(item, btfs).is_ok_and(|record| record.length == 0) {
-                counters.pages_not_stored += 1;
-                self.pending.push_back(Waiting {
-                    pending: Pending::new(item, Bytes::new(), self.on_gpu),
-                    needs: None,
-                });
-            } else if let Some(record) = stored {
-                match self.early.remove(&item) {
-                    true => counters.records_early += 1,
-                    false => counters.records_from_host += 1,
-                }
-                self.pending.push_back(Waiting {
-                    pending: Pending::new(item, record, self.on_gpu),
-                    needs: None,
-                });
-            } else if !self.flying.contains_key(&item) {
-                self.queue.push_back(item);
-            }
-        }
-    }
-
-    /// Submits what waits, as far as the source and the budgets allow; one record always. What is in flight early
-    /// gives way to what is wanted and comes before it in the order.
-    pub(super) fn submit(&mut self, btfs: &[Arc<Btf>], source: &mut dyn TileSource, counters: &mut Counters) {
-        let most = self.budgets.requests_in_flight.min(source.capacity());
-        while let Some(&item) = self.queue.front() {
-            let bytes = length(item, btfs);
-            while !self.is_early(item)
-                && !self.has_room(bytes, most)
-                && let Some(last) = self.last_early_behind(item)
-            {
-                self.abort(last, btfs, source, counters);
-            }
-            if !self.has_room(bytes, most) {
-                break;
-            }
-            let Some(ticket) = source.submit(request(item, btfs)) else {
-                break;
-            };
-            self.bytes_in_flight += bytes;
-            self.queue.pop_front();
-            self.tickets.insert(ticket, item);
-            self.flying.insert(item, ticket);
-        }
-    }
-
-    fn has_room(&self, bytes: u64, most: usize) -> bool {
-        let fits = self.bytes_in_flight.saturating_add(bytes) <= self.budgets.bytes_in_flight;
-        self.tickets.is_empty() || (self.tickets.len() < most && fits)
-    }
-
-    /// Of what is in flight early the last in the order, if it comes after `item`.
-    fn last_early_behind(&self, item: Item) -> Option<Ticket> {
-        let place = |item: &Item| self.order.get(item).copied();
-        let early = self.tickets.iter().filter(|(_, item)| self.is_early(**item));
-        let (ticket, last) = early.max_by_key(|(_, item)| place(item))?;
-        (place(last) > place(&item)).then_some(*ticket)
-    }
-
-    fn land(&mut self, ticket: Ticket, btfs: &[Arc<Btf>]) -> Option<Item> {
-        let item = self.tickets.remove(&ticket)?;
-        self.bytes_in_flight -= length(item, btfs);
-        self.flying.remove(&item);
-        Some(item)
-    }
-
     /// Takes an answer about a record. Those that nobody waits for change nothing.
     pub(super) fn receive(
         &mut self,
         answer: Answer,
+        now: f64,
         btfs: &[Arc<Btf>],
         counters: &mut Counters,
         problems: &mut Problems,
     ) {
-        let Some(item) = self.land(answer.ticket, btfs) else {
+        let Some(Flight { item, sent }) = self.land(answer.ticket, btfs) else {
             return;
         };
+        self.window.came(sent, answer.wire_bytes, now);
         if self.is_early(item) {
             self.early.insert(item);
         }
@@ -313,10 +145,11 @@ impl Records {
                 return self.give_up(item);
             }
         };
-        let archive = &btf_of(item, btfs).archive;
-        let checked = record_of(item, btfs)
-            .and_then(|record| Ok(btf_of(item, btfs).index.verify(archive, record, &bytes)?));
-        if let Err(error) = checked {
+        let verify = || {
+            let (btf, record) = (btf_of(item, btfs), record_of(item, btfs)?);
+            Ok::<_, Error>(btf.index.verify(&btf.archive, record, &bytes)?)
+        };
+        if let Err(error) = if answer.checked { Ok(()) } else { verify() } {
             counters.records_damaged += 1;
             let attempts = self.damaged.entry(item).or_default();
             *attempts += 1;
@@ -493,26 +326,6 @@ impl Records {
         std::mem::take(&mut self.changed)
     }
 
-    /// Gives up all that is on its way for a material but not with the decoder yet.
-    pub(super) fn forget(&mut self, material: MaterialId, btfs: &[Arc<Btf>], source: &mut dyn TileSource) {
-        let is_of = |item: &Item| material_of(*item) == material;
-        self.queue.retain(|item| !is_of(item));
-        self.wanted.retain(|item, _| !is_of(item));
-        self.pending.retain(|waiting| !is_of(&waiting.pending.item));
-        self.order.retain(|item, _| !is_of(item));
-        let mut flying: Vec<Ticket> = self
-            .tickets
-            .iter()
-            .filter(|(_, item)| is_of(item))
-            .map(|(ticket, _)| *ticket)
-            .collect();
-        flying.sort_unstable();
-        for ticket in flying {
-            source.cancel(ticket);
-            self.land(ticket, btfs);
-        }
-    }
-
     /// Nothing is queued, in flight or waiting.
     pub(super) fn idle(&self) -> bool {
         self.queue.is_empty() && self.tickets.is_empty() && self.pending.is_empty() && self.decoding.idle()
@@ -538,47 +351,4 @@ enum Parent {
     Ready(Option<Arc<Page>>),
     Missing,
     Broken,
-}
-
-fn material_of(item: Item) -> MaterialId {
-    let (Item::Page(material, _) | Item::Column(material, _)) = item;
-    material
-}
-
-fn btf_of(item: Item, btfs: &[Arc<Btf>]) -> &Arc<Btf> {
-    &btfs[usize::from(material_of(item).0)]
-}
-
-/// Whether a page has children that the host decodes.
-fn has_children_here(btf: &Btf, page: PageId, on_gpu: bool) -> bool {
-    let mut children = btf.pyramid().children(page.tile);
-    children.any(|tile| !alone(&btf.index, PageId { tile, ..page }, on_gpu))
-}
-
-fn record_of(item: Item, btfs: &[Arc<Btf>]) -> Result<Record> {
-    Ok(match item {
-        Item::Page(_, page) => btf_of(item, btfs).index.page(page)?,
-        Item::Column(_, group) => btf_of(item, btfs).index.column(group)?,
-    })
-}
-
-/// Bytes of the record.
-fn length(item: Item, btfs: &[Arc<Btf>]) -> u64 {
-    record_of(item, btfs).map_or(0, |record| record.length.into())
-}
-
-fn request(item: Item, btfs: &[Arc<Btf>]) -> Request {
-    let archive = btf_of(item, btfs).archive.clone();
-    match item {
-        Item::Page(_, page) => Request::Page { archive, page },
-        Item::Column(_, group) => Request::Column { archive, group },
-    }
-}
-
-fn name(item: Item, btfs: &[Arc<Btf>]) -> String {
-    let archive = &btf_of(item, btfs).archive;
-    match item {
-        Item::Page(_, page) => format!("{archive} {page}"),
-        Item::Column(_, group) => format!("{archive} column of group {group}"),
-    }
 }
