@@ -421,3 +421,44 @@ fn a_failing_sink_ends_the_work() {
         "{error}"
     );
 }
+
+#[test]
+fn some_texels_under_some_lights_are_those_of_the_whole() {
+    let views = [degrees(0.0, 0.0), degrees(60.0, 40.0)];
+    let lights: Vec<Direction> = (0..11)
+        .map(|n| degrees(7.0 * f64::from(n), 33.0 * f64::from(n)))
+        .collect();
+    let options = options(24, &views, &lights);
+    let whole = Btf::new("gravel", &options);
+    let texels: Vec<u32> = (0..100).map(|n| n * 41 % 576).collect();
+    let few = 5;
+    scenes::synth::sample("gravel", &options, |sampler| {
+        let mut block = vec![f16::ZERO; lights.len() * 3 * texels.len()];
+        sampler.some(1, &texels, &mut block);
+        for (plane, values) in block.chunks(texels.len()).enumerate() {
+            let image = whole.image(1, plane / 3, plane % 3);
+            assert!(
+                texels
+                    .iter()
+                    .zip(values)
+                    .all(|(&texel, v)| v.to_f32() == image[texel as usize])
+            );
+        }
+        sampler.narrow(few);
+        for view in 0..2 {
+            let mut block = vec![f16::ZERO; few * 3 * 576];
+            sampler.all(view, &mut block);
+            for (plane, values) in block.chunks(576).enumerate() {
+                let image = whole.image(view, plane / 3, plane % 3);
+                assert!(
+                    values
+                        .iter()
+                        .zip(image)
+                        .all(|(v, of_whole)| v.to_f32() == *of_whole)
+                );
+            }
+        }
+        assert!(sampler.report().shadow_rays < whole.report.shadow_rays);
+    })
+    .unwrap();
+}

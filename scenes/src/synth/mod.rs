@@ -26,6 +26,7 @@ mod noise;
 mod options;
 mod random;
 mod reflectance;
+mod sampler;
 pub mod sampling;
 mod strands;
 mod style;
@@ -35,6 +36,7 @@ mod volume;
 
 pub use materials::{MaterialDescription, materials};
 pub use options::{MAX_BLOCK_BYTES, MAX_SAMPLES_PER_TEXEL, MAX_SIZE, SynthOptions};
+pub use sampler::{Sampler, sample};
 pub use sampling::Sampling;
 pub use style::{PATTERNS, Style};
 pub use synthesize::{SynthReport, synthesize};

@@ -99,4 +99,13 @@ impl SynthOptions {
         }
         Ok(())
     }
+
+    /// The threads to compute with.
+    pub(super) fn pool(&self, material: &str) -> Result<rayon::ThreadPool> {
+        let threads = rayon::ThreadPoolBuilder::new().num_threads(self.threads.unwrap_or(0));
+        threads.build().map_err(|error| Error::Io {
+            path: material.into(),
+            source: std::io::Error::other(error),
+        })
+    }
 }

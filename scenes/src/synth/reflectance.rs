@@ -97,6 +97,12 @@ impl Lights {
         }
     }
 
+    /// The first `count` of these lights, or all if there are no more.
+    pub(super) fn first(&self, count: usize) -> Lights {
+        let count = count.min(self.count);
+        Lights::new(&(0..count).map(|n| self.direction(n)).collect::<Vec<_>>())
+    }
+
     /// Number of lights with the padding.
     pub(super) fn padded(&self) -> usize {
         self.x.len()
@@ -156,7 +162,7 @@ static BITS: [[f32; LANES]; 256] = {
 
 /// Adds to `sum`, `[rgb][light]` with padded lights, the radiance factors (cosine included) of `point` towards
 /// `view`. `lit` has a bit for each visible light; `bounced` is the light that arrives by way of other
-/// surfaces, `[rgb][light]`, in units of [`BOUNCE_UNIT`], or empty. `scratch` has room for the padded lights, four
+/// surfaces, `[rgb][light]` of these lights or more, in units of [`BOUNCE_UNIT`], or empty. `scratch` has room for the padded lights, four
 /// times.
 #[inline(always)]
 pub(super) fn shade(
@@ -181,7 +187,8 @@ pub(super) fn shade(
         let (albedo, specular, edge) = (point.diffuse[channel], point.specular[channel], edge[channel]);
         combine(sum, [diffuse, glossy, &rim[..padded]], [albedo, specular, edge]);
         if !bounced.is_empty() {
-            add_bounced(sum, &bounced[channel * padded..][..padded], albedo * BOUNCE_UNIT);
+            let bounced = &bounced[channel * (bounced.len() / 3)..][..padded];
+            add_bounced(sum, bounced, albedo * BOUNCE_UNIT);
         }
     }
 }

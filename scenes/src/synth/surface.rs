@@ -30,7 +30,10 @@ pub(super) type CellKey = u32;
 pub(super) struct Surface<'a> {
     pub(super) volume: &'a Volume,
     pub(super) material: &'a dyn Material,
-    pub(super) lights: &'a Lights,
+    /// All lights, for which there is room in what cells hold.
+    lights: &'a Lights,
+    /// Those that are asked for.
+    pub(super) active: Lights,
     bounce: Option<Bounce>,
     index: Index,
     points: Vec<Point>,
@@ -95,12 +98,18 @@ impl<'a> Surface<'a> {
             volume,
             material,
             lights,
+            active: lights.first(lights.count),
             bounce,
             index,
             points: Vec::new(),
             lit: Vec::new(),
             shadow_rays,
         }
+    }
+
+    /// Cells that are found from now on know of the first lights only.
+    pub(super) fn narrow(&mut self, lights: usize) {
+        self.active = self.active.first(lights);
     }
 
     /// The cell around a point of the grid.
@@ -187,7 +196,7 @@ impl<'a> Surface<'a> {
                         point.patch = bounce.patch_near(self.volume, place, key);
                     }
                 }
-                let rays = visible(self.volume, self.lights, &places, lit);
+                let rays = visible(self.volume, &self.active, &places, lit);
                 self.shadow_rays.fetch_add(rays, Ordering::Relaxed);
             });
         (self.points, self.lit) = (points, lit);
@@ -241,12 +250,13 @@ pub(super) fn attributes(volume: &Volume, material: &dyn Material, place: &Place
     material.attributes(volume.material_from_grid(place.position), place.normal, part)
 }
 
-/// Sets the bits of the lights that reach points, `[point][byte]`, and counts the rays that this took.
+/// Sets the bits of the lights that reach points, `[point][byte]` with bytes for these lights or more, and counts the rays
+/// that this took.
 ///
 /// Light by light: rays from neighbours in the same direction meet the same part of the volume while it is in the
 /// cache.
 pub(super) fn visible(volume: &Volume, lights: &Lights, places: &[Place], lit: &mut [u8]) -> u64 {
-    let (mut rays, bytes) = (0, lights.mask_bytes());
+    let (mut rays, bytes) = (0, lit.len() / places.len().max(1));
     for light in 0..lights.count {
         let direction = lights.direction(light);
         if direction.z <= 0.0 {
