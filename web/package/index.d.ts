@@ -1,6 +1,9 @@
 /** Why WebGPU cannot be used here; `undefined` if it can. */
 export function missing(): Promise<string | undefined>;
 
+/** Loads the engine, once; viewers do that themselves when they need it. */
+export function preload(): Promise<unknown>;
+
 /** What a lone archive is shown on. */
 export type Shape = "plane" | "sphere" | "cylinder" | "cloth";
 

@@ -13,12 +13,16 @@ const MOST_SCENE_BYTES = 512 << 20;
 const DEFAULT_CACHE_MIB = 384;
 
 let engine;
-/** The engine, loaded when the first viewer needs it. */
-function load() {
-  engine ??= import("./engine.js").then(async (module) => {
-    await module.default();
+/** Loads the engine, once; viewers do that themselves when they need it. */
+export function preload() {
+  engine ??= (async () => {
+    // Both at once.
+    const code = fetch(new URL("engine_bg.wasm", import.meta.url));
+    code.catch(() => {}); // told below
+    const module = await import("./engine.js");
+    await module.default({ module_or_path: code });
     return module;
-  });
+  })();
   engine.catch(() => { engine = undefined; });
   return engine;
 }
@@ -183,16 +187,17 @@ export class EigentileViewer extends HTMLElement {
     if (!this.src) return;
     this.#say("Loading.");
     this.#notice();
-    let session;
+    let session, help;
     try {
       const [why, module, scene] = await Promise.all([
         missing(),
-        navigator.gpu ? load() : undefined,
+        navigator.gpu ? preload() : undefined,
         navigator.gpu ? this.#fetchScene() : undefined,
       ]);
       if (!current()) return;
       if (why) { this.#unsupported(why); return; }
       const { url, name, archive, bytes } = scene;
+      help = module.help;
       const buffers = archive ? [] : await this.#fetchBuffers(module.externals(name, bytes), url, bytes.length);
       if (!current()) return;
       this.#fetcher = new Fetcher();
@@ -211,7 +216,7 @@ export class EigentileViewer extends HTMLElement {
     if (!current()) { session.free(); return; }
     this.#session = session;
     this.#find("[data-do=next-shape]").hidden = session.shape === undefined;
-    this.#fillHelp((await load()).help());
+    this.#fillHelp(help());
     if (this.hasAttribute("exposure")) this.exposure = Number(this.getAttribute("exposure")) || 0;
     if (this.hasAttribute("shape")) this.shape = this.getAttribute("shape");
     if (this.#pendingLink) this.link = this.#pendingLink;

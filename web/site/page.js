@@ -4,7 +4,7 @@
 
 import { fetchCollection } from "./collection.js";
 import { connect } from "./panel.js";
-import { missing } from "./eigentile-viewer/index.js";
+import { missing, preload } from "./eigentile-viewer/index.js";
 
 const find = (id) => document.getElementById(id);
 const query = new URLSearchParams(location.search);
@@ -20,7 +20,7 @@ start();
 
 async function start() {
   // Beside the catalogue, so that nothing waits for it.
-  import("./eigentile-viewer/engine.js").catch(() => {});
+  if (navigator.gpu) preload().catch(() => {});
   if (!query.get("src")) {
     try {
       collection = await fetchCollection();
