@@ -8,7 +8,7 @@
 //! - [`stream`] is one trait, its implementations and its decorators.
 //! - [`gpu`] is the only module that names wgpu.
 //! - [`angular`] interpolates between sampled directions; [`mod@reference`] shades in f64 on the CPU;
-//!   [`metrics`] compares pictures.
+//!   [`metrics`] compares pictures; an [`Overlay`] shows what is known of them.
 
 pub mod angular;
 pub mod decode;
@@ -16,8 +16,10 @@ mod error;
 pub mod frame;
 pub mod gpu;
 pub mod metrics;
+mod overlay;
 pub mod reference;
 pub mod residency;
 pub mod stream;
 
 pub use error::{Error, Result};
+pub use overlay::Overlay;

@@ -236,3 +236,21 @@ mirror! {
         pub step: f32,
     }
 }
+
+mirror! {
+    /// What is drawn over the picture.
+    pub struct Overlay {
+        /// Which overlay.
+        pub kind: u32,
+        /// 1 covers the picture.
+        pub opacity: f32,
+        /// Frames so far.
+        pub now: u32,
+        /// Not used.
+        pub pad: u32,
+        /// Colours of a scale from 0 to 1 in equal steps.
+        pub scale: [Vec4; 9],
+        /// Colours beside the scale.
+        pub marks: [Vec4; 4],
+    }
+}

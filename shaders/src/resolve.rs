@@ -56,6 +56,7 @@ embed!(
     "hemisphere",
     "light",
     "material",
+    "overlay",
     "pages",
     "present",
     "resident",
@@ -63,6 +64,7 @@ embed!(
     "stitch",
     "surface",
     "tonemap",
+    "tones",
     "visibility",
     "work",
 );

@@ -6,7 +6,7 @@ use naga::{
 };
 use shaders::{
     CHOICES, Field, Mirror, NAMES,
-    mirror::{DecodedPage, Frame, Instance, Light, Material, Mip, Strip, Triangulation, Vertex},
+    mirror::{DecodedPage, Frame, Instance, Light, Material, Mip, Overlay, Strip, Triangulation, Vertex},
     shader, variant,
 };
 
@@ -118,6 +118,7 @@ fn every_entry_point_validates() {
             "decode_border",
             "decode_store",
             "feedback",
+            "overlay",
             "shade_btf",
             "shade_diffuse",
             "shade_mixed",
@@ -162,6 +163,7 @@ fn mirrors_lie_in_memory_as_their_wgsl_structs() {
         differences::<Light>(&module),
         differences::<Strip>(&parse("stitch")),
         differences::<DecodedPage>(&parse("decode")),
+        differences::<Overlay>(&parse("overlay")),
     ];
     let found: Vec<_> = found.into_iter().flatten().collect();
     assert!(found.is_empty(), "{}", found.join("\n"));

@@ -3,6 +3,7 @@
 //! `cam=0.35,0.15,1.5,0,0,0,40&light=d-0.54,0.64,0.54,3.2,3,2.7&ev=0.33&shape=cloth&overlay=mip`: parts in any order, each at
 //! most once, joined by `&`; a leading `#` or `?` is ignored. Numbers have six digits. What is not said stays as it is.
 
+use engine::Overlay;
 use glam::Vec3;
 use scenes::{Camera, Light, Shape};
 
@@ -26,8 +27,8 @@ pub struct Link {
     pub exposure_stops: Option<f32>,
     /// Shape of a lone archive.
     pub shape: Option<Shape>,
-    /// Name of the overlay.
-    pub overlay: Option<String>,
+    /// What lies over the picture.
+    pub overlay: Option<Overlay>,
 }
 
 /// Why a string is no link.
@@ -85,13 +86,9 @@ impl Link {
                 once(&mut self.shape, shape)
             }
             "overlay" => {
-                let plain = value
-                    .bytes()
-                    .all(|byte| byte.is_ascii_lowercase() || byte == b'-');
-                if !plain || !(1..=32).contains(&value.len()) {
-                    return Err("expected the name of an overlay in lower case".into());
-                }
-                once(&mut self.overlay, value.to_owned())
+                let names = Overlay::ALL.map(Overlay::name).join(", ");
+                let overlay = Overlay::from_name(value).ok_or_else(|| format!("expected one of {names}"))?;
+                once(&mut self.overlay, overlay)
             }
             _ => Err("expected cam, mode, light, ev, shape or overlay".into()),
         }
@@ -130,8 +127,8 @@ impl std::fmt::Display for Link {
         if let Some(shape) = self.shape {
             parts.push(format!("shape={}", shape.name()));
         }
-        if let Some(overlay) = &self.overlay {
-            parts.push(format!("overlay={overlay}"));
+        if let Some(overlay) = self.overlay {
+            parts.push(format!("overlay={}", overlay.name()));
         }
         f.write_str(&parts.join("&"))
     }
@@ -287,7 +284,7 @@ mod tests {
             prop::option::of(prop::collection::vec(light(), 0..=MOST_LIGHTS)),
             prop::option::of(-MOST_STOPS..MOST_STOPS),
             prop::option::of((0..4usize).prop_map(|shape| Shape::ALL[shape])),
-            prop::option::of("[a-z-]{1,32}"),
+            prop::option::of((0..Overlay::ALL.len()).prop_map(|overlay| Overlay::ALL[overlay])),
         )
             .prop_map(|(camera, mode, lights, exposure_stops, shape, overlay)| Link {
                 camera,
@@ -312,7 +309,7 @@ mod tests {
             let read = Link::parse(&format!("#{text}")).unwrap();
             prop_assert_eq!(read.mode, link.mode);
             prop_assert_eq!(read.shape, link.shape);
-            prop_assert_eq!(&read.overlay, &link.overlay);
+            prop_assert_eq!(read.overlay, link.overlay);
             if let (Some(a), Some(b)) = (&read.camera, &link.camera) {
                 prop_assert!(near(a.eye, b.eye) && near(a.target, b.target) && (a.fov_y - b.fov_y).abs() < 1e-4);
             }
@@ -359,7 +356,7 @@ mod tests {
             ("light=p0,0,0,1,-1,1", "negative"),
             ("shape=cube", "plane, sphere, cylinder, cloth"),
             ("mode=swim", "orbit or fly"),
-            ("overlay=../x", "lower case"),
+            ("overlay=../x", "none, mip, components"),
             ("hello", "NAME=VALUE"),
             ("x=1", "expected cam"),
         ] {

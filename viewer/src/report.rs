@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 
 use engine::{
-    frame::{Counters, FrameStats, Milliseconds},
+    frame::{Counters, FrameStats, MaterialState, MaterialStatus, Milliseconds},
     stream::SourceStats,
 };
 use serde::Serialize;
@@ -48,24 +48,41 @@ pub struct Report {
 }
 
 /// How far an archive is.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct MaterialReport {
     /// Name of the archive.
     pub name: String,
-    /// How far.
-    pub progress: Progress,
+    /// unknown, loading, shown, settled or failed.
+    pub state: &'static str,
+    /// Why it failed.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub failure: Option<String>,
+    /// Bytes over the wire for it since the start.
+    pub wire_bytes: u64,
+    /// Pages in the cache.
+    pub pages_resident: u32,
+    /// Of the squared error that the view would have without it, the part that is gone; `None` where it is not in view.
+    pub progress: Option<f64>,
 }
 
-/// How far an archive is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Progress {
-    /// Its index is on its way.
-    Unknown,
-    /// Its index is here: it shows its mean colour.
-    Known,
-    /// It shows something of its own.
-    Shown,
+impl From<MaterialStatus> for MaterialReport {
+    fn from(status: MaterialStatus) -> Self {
+        let (state, failure) = match status.state {
+            MaterialState::Unknown => ("unknown", None),
+            MaterialState::Loading => ("loading", None),
+            MaterialState::Shown => ("shown", None),
+            MaterialState::Settled => ("settled", None),
+            MaterialState::Failed(why) => ("failed", Some(why)),
+        };
+        Self {
+            name: status.name.to_string(),
+            state,
+            failure,
+            wire_bytes: status.wire_bytes,
+            pages_resident: status.pages_resident,
+            progress: status.progress,
+        }
+    }
 }
 
 /// A frame in the course of things.

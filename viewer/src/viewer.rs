@@ -4,8 +4,8 @@ mod drawing;
 mod settings;
 
 use engine::{
-    Error, Result,
-    frame::{Engine, Event, Options},
+    Error, Overlay, Result,
+    frame::{Engine, Event, FrameStats, Options},
     gpu::Context,
     stream::TileSource,
 };
@@ -17,7 +17,7 @@ use crate::{
     lights::Lights,
     quality::Quality,
     recorder::{Motion, Player, Recorder},
-    report::{History, MaterialReport, Progress, Watch},
+    report::{History, Watch},
 };
 
 /// Stops of one step of exposure.
@@ -37,8 +37,8 @@ pub enum Subject {
 /// A scene or a lone archive, drawn by an engine and followed by a user.
 pub struct Viewer {
     engine: Engine,
-    /// The picture with all resident, to compare with.
-    reference: Option<Engine>,
+    /// The picture with all resident, to compare with, and what its last frame did.
+    reference: Option<(Engine, FrameStats)>,
     scene: Scene,
     /// Of a lone archive: its name and shape.
     lone: Option<(String, Shape)>,
@@ -51,7 +51,6 @@ pub struct Viewer {
     /// What was recorded or loaded last.
     motion: Option<Motion>,
     player: Option<Player>,
-    overlay: Option<String>,
     watch: Watch,
     history: History,
     report: Report,
@@ -100,7 +99,6 @@ impl Viewer {
             recorder: None,
             motion: None,
             player: None,
-            overlay: None,
             watch: Watch::default(),
             history: History::default(),
             report,
@@ -168,14 +166,14 @@ impl Viewer {
             }
             Command::Retry => {
                 self.engine.retry();
-                if let Some(reference) = &mut self.reference {
+                if let Some((reference, _)) = &mut self.reference {
                     reference.retry();
                 }
                 self.watch.retry();
             }
-            Command::NextOverlay
-            | Command::PreviousOverlay
-            | Command::Split
+            Command::NextOverlay => self.step_overlay(1)?,
+            Command::PreviousOverlay => self.step_overlay(Overlay::ALL.len() - 1)?,
+            Command::Split
             | Command::Panel
             | Command::Help
             | Command::Screenshot
@@ -205,8 +203,8 @@ impl Viewer {
             self.toggle_recording();
         }
         let stats = self.engine.frame(&camera)?;
-        if let Some(reference) = &mut self.reference {
-            reference.frame(&camera)?;
+        if let Some((reference, last)) = &mut self.reference {
+            *last = reference.frame(&camera)?;
         }
         for event in self.engine.events() {
             match event {
@@ -226,7 +224,7 @@ impl Viewer {
             .watch
             .update(&stats, &self.report.counters, &self.report.source);
         self.report.connection = connection.clone();
-        self.report.materials = self.materials();
+        self.report.materials = self.engine.materials().into_iter().map(Into::into).collect();
         self.follow_quality(&stats)?;
         Ok(&self.report)
     }
@@ -295,7 +293,7 @@ impl Viewer {
         // Lights stay where the user has them.
         let scene = self.scene();
         self.engine.set_geometry(&scene)?;
-        if let Some(reference) = &mut self.reference {
+        if let Some((reference, _)) = &mut self.reference {
             reference.set_geometry(&scene)?;
         }
         if let Some(camera) = scene.cameras.first() {
@@ -332,7 +330,7 @@ impl Viewer {
     fn show_lights(&mut self) -> Result<()> {
         self.engine.set_lights(self.lights.all())?;
         match &mut self.reference {
-            Some(reference) => reference.set_lights(self.lights.all()),
+            Some((reference, _)) => reference.set_lights(self.lights.all()),
             None => Ok(()),
         }
     }
@@ -345,7 +343,7 @@ impl Viewer {
             lights: (self.lights.all() != self.home.1.all()).then(|| self.lights.all().to_vec()),
             exposure_stops: Some(self.exposure_stops()).filter(|stops| *stops != 0.0),
             shape: self.shape(),
-            overlay: self.overlay.clone(),
+            overlay: Some(self.engine.overlay()).filter(|overlay| *overlay != Overlay::None),
         }
     }
 
@@ -372,8 +370,8 @@ impl Viewer {
         if let Some(stops) = link.exposure_stops {
             self.set_exposure_stops(stops);
         }
-        if link.overlay.is_some() {
-            self.overlay.clone_from(&link.overlay);
+        if let Some(overlay) = link.overlay {
+            self.engine.set_overlay(overlay)?;
         }
         Ok(())
     }
@@ -407,6 +405,13 @@ impl Viewer {
         }
     }
 
+    fn step_overlay(&mut self, steps: usize) -> Result<()> {
+        let now = self.engine.overlay();
+        let at = Overlay::ALL.iter().position(|known| *known == now).unwrap_or(0);
+        self.engine
+            .set_overlay(Overlay::ALL[(at + steps) % Overlay::ALL.len()])
+    }
+
     fn toggle_recording(&mut self) {
         match self.recorder.take() {
             None => self.recorder = Some(Recorder::default()),
@@ -416,19 +421,6 @@ impl Viewer {
                 }
             }
         }
-    }
-
-    fn materials(&self) -> Vec<MaterialReport> {
-        let shown: Vec<_> = self.engine.shown().collect();
-        let report = |name: &str| MaterialReport {
-            name: name.into(),
-            progress: match shown.iter().find(|(known, _)| *known == name) {
-                None => Progress::Unknown,
-                Some((_, false)) => Progress::Known,
-                Some((_, true)) => Progress::Shown,
-            },
-        };
-        self.scene.archives().into_iter().map(report).collect()
     }
 }
 

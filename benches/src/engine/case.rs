@@ -123,7 +123,7 @@ pub fn measure(subject: &Subject, plan: &Plan, progress: &dyn Fn(&str)) -> Resul
     pages(&mut engine, &subject.cameras, &mut skipped)?;
     progress(&format!("{}: with and without", subject.name));
     let (duel, vote_bytes) = Duel::measure(&mut engine, &subject.cameras, plan.rounds)?;
-    let tiles: u32 = engine.materials().map(|info| info.pyramid.tile_count()).sum();
+    let tiles: u32 = engine.material_infos().map(|info| info.pyramid.tile_count()).sum();
     skipped.vote_bytes = [vote_bytes, f64::from(tiles) * 4.0];
     settle(&mut engine, &last)?;
     progress(&format!("{}: standing still", subject.name));
@@ -193,7 +193,7 @@ fn settle(engine: &mut Engine, camera: &Camera) -> Result<f64> {
 
 /// Which pages the way wants.
 fn pages(engine: &mut Engine, cameras: &[Camera], skipped: &mut Skipped) -> Result<()> {
-    let materials: Vec<_> = engine.materials().collect();
+    let materials: Vec<_> = engine.material_infos().collect();
     let mut wanted = HashSet::new();
     let mut sum = 0u64;
     for camera in cameras {

@@ -54,7 +54,7 @@ pub fn record(
         engine.frame(camera)?;
         frames.push(engine.votes().to_vec());
     }
-    let materials = engine.materials().map(|info| {
+    let materials = engine.material_infos().map(|info| {
         let (width, height) = info.pyramid.mip_size(0);
         TraceMaterial {
             width,

@@ -286,7 +286,7 @@ struct Wanted(HashSet<(u16, u32)>);
 
 impl Wanted {
     fn add(&mut self, engine: &mut Engine) {
-        let pyramids: Vec<_> = engine.materials().map(|info| info.pyramid).collect();
+        let pyramids: Vec<_> = engine.material_infos().map(|info| info.pyramid).collect();
         for vote in engine.votes() {
             let Some(pyramid) = pyramids.get(usize::from(vote.material.0)) else {
                 continue;
@@ -301,7 +301,7 @@ impl Wanted {
 
     fn unseen(&self, engine: &Engine, line: &Line) -> u64 {
         let names: Vec<&str> = engine.shown().map(|(name, _)| name).collect();
-        let pyramids: Vec<_> = engine.materials().map(|info| info.pyramid).collect();
+        let pyramids: Vec<_> = engine.material_infos().map(|info| info.pyramid).collect();
         let unseen = |request: &Request| match request {
             Request::Page { archive, page } => {
                 let id = names.iter().position(|name| *name == &**archive);

@@ -33,9 +33,21 @@ struct Failure {
     detail: String,
 }
 
+/// How far an archive's index is.
+pub(super) enum Progress<'a> {
+    /// Asked for, or being read.
+    Pending,
+    Known,
+    /// Why it was given up.
+    Failed(&'a str),
+}
+
 /// The archives of a scene, each once, in the order of its materials.
 pub(super) struct Archives {
     names: Vec<Arc<str>>,
+    ids: HashMap<Arc<str>, usize>,
+    /// Bytes that crossed the wire for each.
+    wire_bytes: Vec<u64>,
     states: Vec<State>,
     /// The BTF that each is shown as: while a new version is on its way, the one before.
     shown: Vec<Option<usize>>,
@@ -50,7 +62,7 @@ impl Archives {
     /// [`Error::Scene`] if there are more than ids for them.
     pub(super) fn new(scene: &Scene, workers: Workers<(usize, Result<Btf>)>) -> Result<Self> {
         let mut ids: HashMap<&str, usize> = HashMap::new();
-        let mut names = Vec::new();
+        let mut names: Vec<Arc<str>> = Vec::new();
         let of_material = scene.materials.iter().map(|material| match &material.surface {
             Surface::Btf { archive, .. } => Some(*ids.entry(archive).or_insert_with(|| {
                 names.push(Arc::from(archive.as_str()));
@@ -75,6 +87,8 @@ impl Archives {
             .collect();
         Ok(Self {
             shown: vec![None; names.len()],
+            ids: names.iter().cloned().zip(0..).collect(),
+            wire_bytes: vec![0; names.len()],
             names,
             states,
             of_material,
@@ -116,6 +130,33 @@ impl Archives {
     /// The BTF that an archive is shown as.
     pub(super) fn shown(&self, archive: usize) -> Option<usize> {
         self.shown[archive]
+    }
+
+    /// The same, of any number.
+    pub(super) fn shown_of(&self, archive: usize) -> Option<usize> {
+        self.shown.get(archive).copied()?
+    }
+
+    /// The archive of a name.
+    pub(super) fn index_of(&self, name: &str) -> Option<usize> {
+        self.ids.get(name).copied()
+    }
+
+    /// Counts bytes that crossed the wire.
+    pub(super) fn count_bytes(&mut self, name: &str, bytes: u64) {
+        if let Some(&archive) = self.ids.get(name) {
+            self.wire_bytes[archive] += bytes;
+        }
+    }
+
+    /// Name of an archive, bytes that crossed the wire for it, and how far its index is.
+    pub(super) fn progress(&self, archive: usize) -> (&Arc<str>, u64, Progress<'_>) {
+        let progress = match &self.states[archive] {
+            State::Waiting { .. } | State::Read { .. } => Progress::Pending,
+            State::Known(_) => Progress::Known,
+            State::Failed(failure) => Progress::Failed(&failure.detail),
+        };
+        (&self.names[archive], self.wire_bytes[archive], progress)
     }
 
     /// Takes an answer that is about an index.

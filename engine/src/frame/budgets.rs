@@ -122,6 +122,7 @@ impl Engine {
                 }
             }
         }
+        self.placed.move_to(&pages, &columns);
         (pages, columns)
     }
 

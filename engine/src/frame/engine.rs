@@ -9,7 +9,9 @@ use super::{
     archives::Archives,
     events::{Event, Events},
     options::Options,
+    overlays::Chosen,
     page_format::{Review, Worths},
+    placed::Placed,
     policy::Policy,
     problems::Problems,
     records::Records,
@@ -53,6 +55,12 @@ pub struct Engine {
     /// Something else than the camera has changed since the last picture.
     pub(super) changed: bool,
     pub(super) gpu: Option<GpuMilliseconds>,
+    /// Since when slots hold what they hold.
+    pub(super) placed: Placed,
+    /// What covers the picture.
+    pub(super) chosen: Chosen,
+    /// The last frame had settled.
+    pub(super) was_settled: bool,
 }
 
 impl Engine {
@@ -120,6 +128,9 @@ impl Engine {
             wire_bytes: 0,
             changed: true,
             gpu: None,
+            placed: Placed::default(),
+            chosen: Chosen::default(),
+            was_settled: false,
             source,
             options,
         };
@@ -230,6 +241,7 @@ impl Engine {
             ms,
         };
         self.frames += 1;
+        self.was_settled = settled;
         for problem in self.problems.untold() {
             self.events.add(Event::Problem(problem.to_owned()));
         }

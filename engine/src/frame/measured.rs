@@ -19,7 +19,7 @@ impl Engine {
     }
 
     /// What residency knows of the materials that are known, in the order of their ids.
-    pub fn materials(&self) -> impl Iterator<Item = MaterialInfo> + '_ {
+    pub fn material_infos(&self) -> impl Iterator<Item = MaterialInfo> + '_ {
         self.btfs.iter().map(|btf| material_info(btf))
     }
 

@@ -5,7 +5,8 @@
 //! `workers` (what must not hold up a frame), `problems` (what went wrong), `events` (what a program is told).
 //! `prefetch`, `ahead` and `motion`: views that are not shown yet. `budgets`: changes at run time.
 //! `page_format`: what the page cache holds. `outputs`: pictures
-//! and counters. `viewing`: what viewers change. `measured`: what measurements need. `policy`: who decides what is resident.
+//! and counters. `viewing`: what viewers change. `maps`, `materials`: what lies where, and how far it is, for programs that show it; `placed`: since when.
+//! `overlays`: what covers the picture. `measured`: what measurements need. `policy`: who decides what is resident.
 
 mod ahead;
 mod archives;
@@ -13,12 +14,16 @@ mod budgets;
 mod decoding;
 mod engine;
 mod events;
+mod maps;
+mod materials;
 mod measured;
 mod motion;
 mod options;
 mod outputs;
+mod overlays;
 mod page_format;
 mod phases;
+mod placed;
 mod policy;
 mod prefetch;
 mod problems;
@@ -31,6 +36,8 @@ mod workers;
 pub use ahead::MAX_PREFETCHED_VIEWS;
 pub use engine::Engine;
 pub use events::Event;
+pub use maps::{CacheMap, CachedColumn, CachedPage, MipTiles, PageTree};
+pub use materials::{MaterialState, MaterialStatus};
 pub use options::{Budgets, Decode, MAX_FEEDBACK_STRIDE, MAX_PREFETCH_SECONDS, MIN_HOST_BYTES, Options};
 pub use policy::Policy;
 pub use stats::{Counters, FrameStats, Milliseconds};

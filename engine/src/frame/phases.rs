@@ -83,6 +83,8 @@ impl Engine {
         for _ in 0..self.source.capacity() {
             let Some(answer) = self.source.poll() else { break };
             self.wire_bytes += answer.wire_bytes;
+            self.archives
+                .count_bytes(answer.request.archive(), answer.wire_bytes);
             match answer.request {
                 Request::Index { .. } => self.archives.receive(answer, &mut self.problems),
                 _ => self
@@ -190,6 +192,7 @@ impl Engine {
                 continue;
             };
             evicted.into_iter().for_each(|item| self.remove(item));
+            self.placed.set(item, slot, self.frames);
             match (item, decoded) {
                 (Item::Page(material, page), Decoded::Page(texels)) => {
                     self.renderer.place_page(material.0.into(), page, slot, &texels);
@@ -222,9 +225,13 @@ impl Engine {
 
     /// Draws, if anything has changed. Returns whether it did.
     pub(super) fn draw(&mut self) -> Result<bool> {
+        let overlaid = self.tell_overlay()?;
         if !self.changed {
             self.counters.draws_skipped += 1;
-            return Ok(false);
+            if overlaid {
+                self.renderer.draw_screen(self.options.exposure_stops.exp2());
+            }
+            return Ok(overlaid);
         }
         self.renderer.draw(self.options.exposure_stops.exp2());
         self.changed = false;

@@ -31,6 +31,14 @@ pub trait Policy {
     fn retry(&mut self) {}
     /// Says that nothing more of a material can be had, or, with `false`, that it can again.
     fn set_retired(&mut self, _material: MaterialId, _retired: bool) {}
+    /// Whether an item stays as long as its material is seen.
+    fn is_pinned(&self, _item: Item) -> bool {
+        false
+    }
+    /// Of a material the squared errors, summed over all pixels, of what is not resident, and of all; zeros where nothing is known.
+    fn errors(&self, _material: MaterialId) -> [f64; 2] {
+        [0.0; 2]
+    }
     /// What is known after the last update and the arrivals since.
     fn summary(&self) -> Summary;
 }
@@ -65,6 +73,12 @@ impl Policy for Residency {
     }
     fn set_retired(&mut self, material: MaterialId, retired: bool) {
         Residency::set_retired(self, material, retired);
+    }
+    fn is_pinned(&self, item: Item) -> bool {
+        Residency::is_pinned(self, item)
+    }
+    fn errors(&self, material: MaterialId) -> [f64; 2] {
+        Residency::errors(self, material)
     }
     fn summary(&self) -> Summary {
         Residency::summary(self)

@@ -10,6 +10,7 @@ const NO_ADAPTER: &str = "none was found. Install a Vulkan driver (on Debian wit
 /// A device, its queue, and what went wrong with them.
 #[derive(Clone)]
 pub struct Context {
+    adapter: wgpu::Adapter,
     pub(crate) device: wgpu::Device,
     pub(crate) queue: wgpu::Queue,
     /// Errors that no call returns: validation, memory, a lost device. Only the first is kept.
@@ -70,7 +71,43 @@ impl Context {
                 keep(&losses, format!("the device was lost: {message}"));
             }
         });
-        Ok(Self { device, queue, fault })
+        Ok(Self {
+            adapter,
+            device,
+            queue,
+            fault,
+        })
+    }
+
+    /// Prepares a surface of so many pixels for pictures that are encoded in sRGB already, and for new ones at the pace of the
+    /// screen.
+    ///
+    /// # Errors
+    /// [`Error::Adapter`] if this device cannot draw into it, [`Error::Budget`] for no pixels or more than it has.
+    pub fn configure(
+        &self,
+        surface: &wgpu::Surface<'_>,
+        size: (u32, u32),
+    ) -> Result<wgpu::SurfaceConfiguration> {
+        let most = self.device.limits().max_texture_dimension_2d;
+        if !(1..=most).contains(&size.0) || !(1..=most).contains(&size.1) {
+            return Err(Error::Budget(format!(
+                "a surface of {}x{} pixels: sides from 1 to {most} can be drawn on this adapter",
+                size.0, size.1
+            )));
+        }
+        let mut configuration = surface
+            .get_default_config(&self.adapter, size.0, size.1)
+            .ok_or_else(|| Error::Adapter(format!("{} cannot draw into this surface", self.adapter())))?;
+        let formats = surface.get_capabilities(&self.adapter).formats;
+        let plain = [wgpu::TextureFormat::Bgra8Unorm, wgpu::TextureFormat::Rgba8Unorm];
+        if let Some(format) = formats.iter().find(|format| plain.contains(format)) {
+            configuration.format = *format;
+        }
+        configuration.view_formats.clear();
+        surface.configure(&self.device, &configuration);
+        self.check()?;
+        Ok(configuration)
     }
 
     /// Name of the adapter and its driver.

@@ -2,7 +2,7 @@
 //!
 //! One pass is one file here beside one `.wgsl` of the crate `shaders`, in the order of a frame: [`visibility`] (ids of
 //! what pixels see), [`feedback`] (votes for tiles, counted and compacted), [`classify`] (materials by tile of the
-//! picture), [`shade`] (one workgroup for a tile and a material), [`tonemap`]; and in the
+//! picture), [`shade`] (one workgroup for a tile and a material), [`tonemap`] or, in its place, `overlay`; and in the
 //! page cache [`decode`], which makes pages of coefficients, and [`stitch`], which copies borders ([`borders`]). What they share lies in three bind groups: the scene (group 0: camera, [`geometry`],
 //! materials), the caches (group 1: [`page_table`], [`page_cache`], [`column_cache`], directions) and what a pass reads
 //! and writes (group 2). [`Renderer`] owns all of it: `look` has what draws ids and asks for votes, `placing` what fills the caches, `outputs` what reads
@@ -30,6 +30,7 @@ mod kept;
 mod look;
 pub mod materials;
 mod outputs;
+mod overlay;
 pub mod page_cache;
 pub mod page_format;
 pub mod page_table;

@@ -11,6 +11,7 @@ use super::{
     geometry::Geometry,
     kept::Kept,
     materials::Btf,
+    overlay::OverlayPass,
     page_format::PageFormat,
     readback,
     resident::Resident,
@@ -54,6 +55,8 @@ pub struct Renderer {
     pub(super) kept: Option<Kept>,
     /// What measurements compare with.
     pub(super) resident: Option<Resident>,
+    /// What covers the picture.
+    pub(super) overlay: Option<OverlayPass>,
 }
 
 impl Renderer {
@@ -102,6 +105,7 @@ impl Renderer {
             fading: false,
             kept: None,
             resident: None,
+            overlay: None,
         })
     }
 
@@ -204,6 +208,7 @@ impl Renderer {
             &self.materials,
             [&self.frame_buffer, &self.ahead_frame_buffer],
         );
+        self.bind_overlay();
         self.classified = false;
         self.resident = None;
         let Materials { pages, columns, .. } = &self.materials;
@@ -245,6 +250,7 @@ impl Renderer {
             + self.decode.as_ref().map_or(0, Decode::bytes)
             + self.materials.bytes()
             + self.resident.as_ref().map_or(0, Resident::bytes)
+            + self.overlay.as_ref().map_or(0, OverlayPass::bytes)
     }
 
     /// Shades and maps tones; `exposure` is a factor.
@@ -252,6 +258,15 @@ impl Renderer {
         self.frame.exposure = exposure;
         self.write_frame();
         self.encode_picture(None);
+    }
+
+    /// Maps the tones of the last picture again, under another overlay or exposure.
+    pub fn draw_screen(&mut self, exposure: f32) {
+        self.frame.exposure = exposure;
+        self.write_frame();
+        let mut encoder = self.context.device.create_command_encoder(&Default::default());
+        self.encode_screen(&mut encoder);
+        self.submit_timed(encoder);
     }
 
     /// The commands of [`Renderer::draw`], with the frame that the buffer holds; `resident` draws what it holds instead of
@@ -274,9 +289,25 @@ impl Renderer {
         };
         let fading = self.fading && self.kept.is_none();
         shade.encode(&mut encoder, &self.targets, bound, fading, timestamps);
+        self.encode_screen(&mut encoder);
+        self.submit_timed(encoder);
+    }
+
+    /// From radiance to what a screen shows.
+    fn encode_screen(&mut self, encoder: &mut wgpu::CommandEncoder) {
+        let (size, groups) = (self.targets.size, &self.groups);
+        let caches = self.kept.as_ref().map_or(&groups.caches, |kept| &kept.caches);
         let timestamps = self.timers.as_mut().map(|timers| timers.compute(Pass::Tonemap));
-        let bound = [&groups.scene, &groups.caches, &groups.tonemap];
-        self.passes.tonemap.encode(&mut encoder, size, bound, timestamps);
+        match &self.overlay {
+            Some(pass) => pass.encode(encoder, size, [&groups.scene, caches], timestamps),
+            None => {
+                let bound = [&groups.scene, caches, &groups.tonemap];
+                self.passes.tonemap.encode(encoder, size, bound, timestamps);
+            }
+        }
+    }
+
+    fn submit_timed(&mut self, mut encoder: wgpu::CommandEncoder) {
         let map = self
             .timers
             .as_mut()

@@ -1,4 +1,4 @@
-//! From linear radiance to what a screen shows. Twin of `tonemap.wgsl`.
+//! From linear radiance to what a screen shows. Twin of `tones.wgsl`.
 //!
 //! Source: Khronos PBR Neutral tone mapper, specification 2024 (KhronosGroup/ToneMapping, PBR_Neutral); IEC
 //! 61966-2-1 (sRGB).

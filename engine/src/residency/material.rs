@@ -121,6 +121,12 @@ impl Material {
         self.missing
     }
 
+    /// Squared errors, summed over all pixels, of what is not resident, and of all that is wanted.
+    pub(super) fn errors(&self) -> [f64; 2] {
+        let all = self.groups.iter().map(|group| group.worth[Class::Now as usize]);
+        [self.missing, all.sum()]
+    }
+
     /// Bytes of an item's record.
     pub(super) fn bytes(&self, item: Item) -> u64 {
         let bytes = match item {

@@ -248,6 +248,17 @@ impl Residency {
         self.pages.iter().chain(self.columns.iter()).collect()
     }
 
+    /// Whether an item stays as long as its material is seen.
+    pub fn is_pinned(&self, item: Item) -> bool {
+        item.material() < self.materials.len() && self.rank(item).pinned
+    }
+
+    /// Of a material the squared errors, summed over the voting pixels, of what is not resident, and of all that they want.
+    pub fn errors(&self, material: MaterialId) -> [f64; 2] {
+        let material = self.materials.get(usize::from(material.0));
+        material.map_or([0.0; 2], Material::errors)
+    }
+
     /// What is known after the last update and the arrivals since.
     pub fn summary(&self) -> Summary {
         let missing: f64 = self.materials.iter().map(Material::missing).sum();

@@ -3,7 +3,7 @@
 use engine::{
     Result,
     decode::PAGE_BYTES,
-    frame::{Budgets, Engine, Options},
+    frame::{Budgets, Engine, FrameStats, Options},
     gpu::{Area, PageFormat, Present},
     stream::TileSource,
 };
@@ -28,7 +28,7 @@ impl Viewer {
             return Ok(());
         }
         self.engine.resize(size)?;
-        if let Some(reference) = &mut self.reference {
+        if let Some((reference, _)) = &mut self.reference {
             reference.resize(size)?;
         }
         self.controls.set_height(size.1);
@@ -57,7 +57,7 @@ impl Viewer {
             }
         };
         let mut pictures = vec![(self.engine.screen(), area, area)];
-        if let Some(reference) = &self.reference {
+        if let Some((reference, _)) = &self.reference {
             let left = (area.width as f32 * split.clamp(0.0, 1.0)) as u32;
             let right = Area {
                 x: area.x.saturating_add(left),
@@ -70,9 +70,9 @@ impl Viewer {
         Ok(())
     }
 
-    /// The engine whose picture is on the right of the split, if there is one.
-    pub fn reference(&self) -> Option<&Engine> {
-        self.reference.as_ref()
+    /// The engine whose picture is on the right of the split, if there is one, and what its last frame did.
+    pub fn reference(&self) -> Option<(&Engine, &FrameStats)> {
+        self.reference.as_ref().map(|(engine, stats)| (engine, stats))
     }
 
     /// Shows the picture of a second engine beside: of half floats, nothing left out, with room for all pages and columns of the
@@ -92,7 +92,8 @@ impl Viewer {
                     ..self.engine.options().clone()
                 };
                 let context = self.engine.context().clone();
-                Some(Engine::new(context, &self.scene(), source, options)?)
+                let engine = Engine::new(context, &self.scene(), source, options)?;
+                Some((engine, FrameStats::default()))
             }
         };
         Ok(())
@@ -103,7 +104,7 @@ impl Viewer {
         let now = self.engine.budgets();
         let (_, column_bytes) = self.engine.column_slots();
         let (mut pages, mut columns) = (0, 0);
-        for material in self.engine.materials() {
+        for material in self.engine.material_infos() {
             let groups = u64::from(material.groups);
             pages += u64::from(material.pyramid.tile_count()) * groups * PAGE_BYTES;
             columns += groups * column_bytes;

@@ -85,13 +85,8 @@ impl Viewer {
         let stops = if stops.is_nan() { 0.0 } else { stops };
         let stops = stops.clamp(-MOST_STOPS, MOST_STOPS);
         self.engine.set_exposure_stops(stops);
-        if let Some(reference) = &mut self.reference {
+        if let Some((reference, _)) = &mut self.reference {
             reference.set_exposure_stops(stops);
         }
-    }
-
-    /// Name of the overlay.
-    pub fn overlay(&self) -> Option<&str> {
-        self.overlay.as_deref()
     }
 }
