@@ -56,7 +56,7 @@ function showOverlay(viewer) {
   const select = find("overlay");
   find("overlay-row").hidden = overlays.length === 0;
   if (select.options.length !== overlays.length) {
-    select.replaceChildren(...overlays.map(({ name, title }) => new Option(title, name)));
+    select.replaceChildren(...overlays.map(({ name, title }) => new Option(title || name, name)));
   }
   select.value = viewer.overlay;
   const legend = overlays.find(({ name }) => name === viewer.overlay)?.legend ?? [];
