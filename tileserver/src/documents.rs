@@ -51,7 +51,7 @@ struct Scene<'a> {
 #[derive(Serialize)]
 #[serde(untagged)]
 enum CatalogueEntry<'a> {
-    Ready(Summary<'a>),
+    Ready(Box<Summary<'a>>),
     Broken { name: &'a str, error: &'a str },
 }
 
@@ -164,7 +164,7 @@ fn summary<'a>(served: &'a Served, files: &BTreeMap<String, Beside>) -> Summary<
 /// The catalogue of a collection.
 pub(crate) fn catalogue(archives: &BTreeMap<String, Entry>, files: &BTreeMap<String, Beside>) -> Document {
     let archives = archives.iter().map(|(name, entry)| match entry {
-        Entry::Ready(served) => CatalogueEntry::Ready(summary(served, files)),
+        Entry::Ready(served) => CatalogueEntry::Ready(Box::new(summary(served, files))),
         Entry::Broken { error, .. } => CatalogueEntry::Broken { name, error },
     });
     let scenes = files.iter().filter(|(_, file)| file.kind == Kind::Scene);

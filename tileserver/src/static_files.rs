@@ -132,10 +132,7 @@ impl StaticFiles {
                             MAX_BYTES >> 20
                         )));
                     }
-                    files.push((
-                        format!("{prefix}{name}"),
-                        fs::read(&target).map_err(refuse)?.into(),
-                    ));
+                    files.push((format!("{prefix}{name}"), fs::read(&target).map_err(refuse)?));
                 }
             }
         }
