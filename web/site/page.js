@@ -11,6 +11,8 @@ const query = new URLSearchParams(location.search);
 
 let collection = { archives: [], scenes: [] };
 let shown;
+/** Why there is no WebGPU, if there is none. */
+let unsupported;
 
 navigator.serviceWorker?.register("sw.js").catch(() => {}); // without one nothing is kept
 
@@ -31,8 +33,8 @@ async function start() {
   }
   list();
   route();
-  const why = await missing();
-  if (why && !shown) say(why);
+  unsupported = await missing();
+  if (unsupported && !shown) say(unsupported);
 }
 
 function say(text) { find("message").textContent = text; }
@@ -66,6 +68,7 @@ function route() {
     shown = undefined;
     title("Materials");
     if (name) say(`There is no ${name} in this collection.`);
+    else if (unsupported) say(unsupported);
     return;
   }
   if (shown?.key === entry.key) {

@@ -48,14 +48,16 @@ export class Browser {
     }
   }
 
-  /** Slows a page's network down: milliseconds, and bytes a second. */
-  async slow(page, { latency, bytes }) {
-    const session = await page.context().newCDPSession(page);
-    await session.send("Network.enable");
-    const conditions = (latency, bytes) => session.send("Network.emulateNetworkConditions",
-      { offline: false, latency, downloadThroughput: bytes, uploadThroughput: bytes });
-    await conditions(latency, bytes);
-    return { end: () => conditions(0, -1) };
+  /** Holds back requests for records, which come after the beginning of an archive, until they are released. */
+  async hold(page) {
+    const held = { failed: [] };
+    const released = new Promise((resolve) => { held.release = resolve; });
+    page.on("requestfailed", (request) => held.failed.push(request.url()));
+    await page.route(/\.bsvtf$/, async (route) => {
+      if (!route.request().headers().range?.startsWith("bytes=0-")) await released;
+      await route.continue().catch(() => {}); // given up meanwhile
+    });
+    return held;
   }
 
   async closePages() { for (const context of this.#browser.contexts()) await context.close(); }
