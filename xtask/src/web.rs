@@ -18,9 +18,9 @@ const PACKAGES: [&str; 4] = ["rustc-web", "cargo-web", "rust-web-src", "lld-22"]
 
 /// Builds `web/dist`.
 pub(crate) fn build() -> Result<()> {
-    let workspace = Path::new(env!("CARGO_MANIFEST_DIR")).with_file_name("");
+    let workspace = workspace();
     // Beside the target folder of everything else, whose locks it would wait for and whose artefacts are another compiler's.
-    let target = target_folder(&workspace).join("web");
+    let target = target_folder().join("web");
     let library = [
         "build",
         "--locked",
@@ -58,8 +58,13 @@ pub(crate) fn build() -> Result<()> {
         .run()
 }
 
-fn target_folder(workspace: &Path) -> PathBuf {
-    std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| workspace.join("target"), PathBuf::from)
+pub(crate) fn workspace() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).with_file_name("")
+}
+
+/// Where cargo builds.
+pub(crate) fn target_folder() -> PathBuf {
+    std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| workspace().join("target"), PathBuf::from)
 }
 
 /// Flags that make paths the same on every machine.
