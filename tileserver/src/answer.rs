@@ -1,13 +1,17 @@
 //! The fields of answers, and which form of a document a client takes.
 
-use axum::{
-    body::Body,
-    http::{HeaderMap, HeaderValue, StatusCode, header},
-    response::Response,
-};
 use bytes::Bytes;
+use hyper::{
+    HeaderMap, StatusCode,
+    header::{self, HeaderValue},
+};
 
-use crate::{conditional, documents::Document};
+use crate::{body::Body, conditional, documents::Document, failure::Failure};
+
+/// An answer without what all answers have in common.
+pub(crate) type Response = hyper::Response<Body>;
+/// An answer or an error.
+pub(crate) type Answer = Result<Response, Failure>;
 
 /// How long caches may keep an answer.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -25,7 +29,7 @@ const BINARY: &str = "application/octet-stream";
 pub(crate) struct Fields {
     pub(crate) etag: String,
     pub(crate) keep: Keep,
-    pub(crate) kind: HeaderValue,
+    pub(crate) kind: &'static str,
     /// Only the cache of the one who asked may keep it.
     pub(crate) private: bool,
 }
@@ -35,7 +39,7 @@ impl Fields {
         Self {
             etag,
             keep,
-            kind: HeaderValue::from_static(kind),
+            kind,
             private,
         }
     }
@@ -49,8 +53,26 @@ impl Fields {
         conditional::none_match(headers, &self.etag)
     }
 
-    pub(crate) fn response(&self, status: StatusCode) -> Response {
-        let mut response = Response::default();
+    /// The head of an answer that has content.
+    pub(crate) fn response(self, status: StatusCode) -> Response {
+        let kind = HeaderValue::from_static(self.kind);
+        let mut response = self.head(status);
+        response.headers_mut().insert(header::CONTENT_TYPE, kind);
+        response
+    }
+
+    pub(crate) fn not_modified(self) -> Response {
+        self.head(StatusCode::NOT_MODIFIED)
+    }
+
+    pub(crate) fn whole(self, bytes: Bytes) -> Response {
+        let mut response = self.response(StatusCode::OK);
+        *response.body_mut() = bytes.into();
+        response
+    }
+
+    fn head(self, status: StatusCode) -> Response {
+        let mut response = Response::new(Body::Empty);
         *response.status_mut() = status;
         let cache = match (self.keep, self.private) {
             (Keep::ForGood, false) => "public, max-age=31536000, immutable",
@@ -60,23 +82,7 @@ impl Fields {
         };
         let headers = response.headers_mut();
         headers.insert(header::CACHE_CONTROL, HeaderValue::from_static(cache));
-        headers.extend(HeaderValue::try_from(&self.etag).map(|etag| (header::ETAG, etag)));
-        if status != StatusCode::NOT_MODIFIED {
-            headers.insert(header::CONTENT_TYPE, self.kind.clone());
-        }
-        response
-    }
-
-    pub(crate) fn not_modified(&self) -> Response {
-        self.response(StatusCode::NOT_MODIFIED)
-    }
-
-    pub(crate) fn whole(&self, bytes: Bytes) -> Response {
-        let mut response = self.response(StatusCode::OK);
-        response
-            .headers_mut()
-            .insert(header::CONTENT_LENGTH, bytes.len().into());
-        *response.body_mut() = Body::from(bytes);
+        headers.extend(HeaderValue::try_from(self.etag).map(|etag| (header::ETAG, etag)));
         response
     }
 }

@@ -8,16 +8,17 @@ use std::{
     },
 };
 
-use axum::{body::Body, http::StatusCode};
 use bytes::{BufMut, Bytes, BytesMut};
 use futures_util::{Stream, StreamExt, stream};
+use hyper::StatusCode;
 use tileset::{PageId, Tile};
 use xxhash_rust::xxh3::xxh3_128;
 
 use crate::{
+    body::Body,
     collection::Served,
     failure::Failure,
-    outlet::Outlet,
+    pulse::Pulse,
     records::{Records, What},
     routes::number,
     service::read_failure,
@@ -75,12 +76,12 @@ pub(crate) fn etag(served: &Served, list: &str) -> String {
 ///
 /// A record that the archive does not have is an error frame and may be kept by caches like everything else.
 /// One that cannot be read now is an error frame as well, but then the connection is broken off behind the last
-/// frame, when all has left by its `outlet`, so that no cache keeps the answer.
+/// frame, when all has left it, so that no cache keeps the answer.
 pub(crate) fn body(
     served: Arc<Served>,
     records: Arc<Records>,
     wanted: Vec<Wanted>,
-    outlet: Option<Outlet>,
+    pulse: Arc<Pulse>,
 ) -> Body {
     let rooms = stream::iter(wanted).then({
         let (served, records) = (Arc::clone(&served), Arc::clone(&records));
@@ -113,13 +114,13 @@ pub(crate) fn body(
             (wanted, result)
         }
     });
-    Body::from_stream(parts(frames.buffered(AHEAD), outlet))
+    Body::Stream(Box::pin(parts(frames.buffered(AHEAD), pulse)))
 }
 
 /// Heads and records, and an error at the end if one was for now only.
 fn parts(
     frames: impl Stream<Item = (Wanted, Result<Bytes, Failure>)>,
-    outlet: Option<Outlet>,
+    pulse: Arc<Pulse>,
 ) -> impl Stream<Item = io::Result<Bytes>> {
     let passing = Arc::new(AtomicBool::new(false));
     let end = stream::once({
@@ -129,9 +130,7 @@ fn parts(
                 return None;
             }
             // Breaking off throws away what is not sent.
-            if let Some(outlet) = outlet {
-                outlet.emptied().await;
-            }
+            pulse.emptied().await;
             Some(Err(io::Error::other("records of the batch could not be read")))
         }
     });

@@ -113,7 +113,7 @@ pub(crate) fn thumbnail(files: &BTreeMap<String, Beside>, stem: &str) -> Option<
     })
 }
 
-impl Service {
+impl Service<'_> {
     /// A file as it is now, opened. With the hash of an address, only if that is what it holds.
     pub(crate) async fn beside(
         &self,

@@ -1,6 +1,6 @@
 //! Conditional requests: what a client has already is not sent again (RFC 9110, section 13).
 
-use axum::http::{HeaderMap, header};
+use hyper::{HeaderMap, header};
 
 /// Whether `If-None-Match` names `etag` (strong, in quotes), so that the answer is 304. Weak comparison; fields
 /// may come several times, and hold lists or `*`.
@@ -50,7 +50,7 @@ pub(crate) fn range_applies(headers: &HeaderMap, etag: &str) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use axum::http::HeaderValue;
+    use hyper::header::HeaderValue;
     use proptest::prelude::*;
 
     use super::*;

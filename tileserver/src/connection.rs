@@ -1,37 +1,32 @@
 //! One connection: TLS or not, HTTP/1.1 or 2, its limits, and how it ends.
 
 use std::{
+    future::poll_fn,
     io,
     net::SocketAddr,
     pin::{Pin, pin},
-    sync::{
-        Arc,
-        atomic::{AtomicU64, Ordering},
-    },
+    sync::Arc,
     task::{Context, Poll},
     time::Duration,
 };
 
-use axum::Router;
 use hyper::{
-    body::Incoming,
     server::conn::{http1, http2},
-    service::{Service, service_fn},
+    service::service_fn,
 };
 use hyper_util::{
     rt::{TokioExecutor, TokioIo, TokioTimer},
     server::graceful::GracefulConnection,
-    service::TowerToHyperService,
 };
 use tokio::{
     io::{AsyncRead, AsyncWrite, ReadBuf},
     net::TcpStream,
     sync::watch,
-    time::{Instant, sleep, timeout},
+    time::{Sleep, sleep, timeout},
 };
 use tokio_rustls::server::TlsStream;
 
-use crate::{Options, Tls, metrics::Metrics, outlet::Outlet};
+use crate::{Tls, metrics::Metrics, pulse::Pulse, routes, service::Shared};
 
 /// Most bytes of a request's head. The longest address, of a batch, has about 6 KiB.
 const MAX_HEAD_BYTES: usize = 16 << 10;
@@ -44,10 +39,8 @@ const PREFACE: &[u8] = b"PRI ";
 
 /// What connections need to be served.
 pub(crate) struct Door {
-    pub(crate) router: Router,
+    pub(crate) shared: Arc<Shared>,
     pub(crate) tls: Option<Tls>,
-    pub(crate) options: Options,
-    pub(crate) metrics: Arc<Metrics>,
     /// Ends when the service does.
     pub(crate) stopping: watch::Receiver<()>,
 }
@@ -55,8 +48,8 @@ pub(crate) struct Door {
 impl Door {
     /// Serves a connection to its end, which comes when the client or the service wants it, or after silence.
     pub(crate) async fn serve(&self, stream: TcpStream, client: SocketAddr) {
-        self.metrics.connections_begun.add(1);
-        let _open = Open(&self.metrics);
+        self.shared.metrics.connections_begun.add(1);
+        let _open = Open(&self.shared.metrics);
         // Answers are written as a whole; waiting for more to send would only delay them.
         let _ = stream.set_nodelay(true);
         let begun = match &self.tls {
@@ -79,7 +72,7 @@ impl Door {
     /// How a connection begins, if it does so in time and before the service ends.
     async fn in_time<T>(&self, begin: impl Future<Output = io::Result<T>>) -> io::Result<T> {
         tokio::select! {
-            begun = timeout(self.options.header_timeout, begin) => {
+            begun = timeout(self.shared.options.header_timeout, begin) => {
                 begun.unwrap_or_else(|_| Err(io::ErrorKind::TimedOut.into()))
             }
             () = stopped(self.stopping.clone()) => Err(io::Error::other("the service ends")),
@@ -90,69 +83,70 @@ impl Door {
     where
         S: AsyncRead + AsyncWrite + Unpin + Send + 'static,
     {
-        let (progress, outlet) = (Arc::new(AtomicU64::new(0)), Outlet::default());
+        let pulse = Arc::new(Pulse::default());
         let io = TokioIo::new(Watched {
             stream,
-            progress: Arc::clone(&progress),
-            outlet: outlet.clone(),
+            pulse: Arc::clone(&pulse),
         });
-        let service = service_fn({
-            let (service, progress) = (
-                TowerToHyperService::new(self.router.clone()),
-                Arc::clone(&progress),
-            );
-            move |mut request: hyper::Request<Incoming>| {
-                progress.fetch_add(1, Ordering::Relaxed);
-                request.extensions_mut().insert(outlet.clone());
-                service.call(request)
-            }
-        });
+        let (shared, of_requests) = (Arc::clone(&self.shared), Arc::clone(&pulse));
+        let service =
+            service_fn(move |request| routes::answer(Arc::clone(&shared), Arc::clone(&of_requests), request));
         if http2 {
             let mut builder = http2::Builder::new(TokioExecutor::new());
             builder
                 .timer(TokioTimer::new())
-                .max_concurrent_streams(self.options.streams.max(1));
+                .max_concurrent_streams(self.shared.options.streams.max(1));
             builder
                 .max_header_list_size(MAX_HEAD_BYTES as u32)
                 .max_send_buf_size(STREAM_BUFFER_BYTES);
-            self.drive(builder.serve_connection(io, service), client, &progress)
-                .await;
+            let connection = builder.serve_connection(io, service);
+            self.drive(connection, client, &pulse, None).await;
         } else {
             let mut builder = http1::Builder::new();
-            builder
-                .timer(TokioTimer::new())
-                .header_read_timeout(self.options.header_timeout);
+            // Its own timer would be made anew for each request.
+            builder.header_read_timeout(None);
             builder.max_header_size(MAX_HEAD_BYTES).max_headers(MAX_FIELDS);
-            self.drive(builder.serve_connection(io, service), client, &progress)
-                .await;
+            let connection = builder.serve_connection(io, service);
+            let head_time = Some(self.shared.options.header_timeout);
+            self.drive(connection, client, &pulse, head_time).await;
         }
     }
 
-    async fn drive<C>(&self, connection: C, client: SocketAddr, progress: &AtomicU64)
+    /// Until the connection ends. A head may take `head_time`, if that can be told.
+    async fn drive<C>(&self, connection: C, client: SocketAddr, pulse: &Pulse, head_time: Option<Duration>)
     where
         C: GracefulConnection<Error = hyper::Error>,
     {
         let mut connection = pin!(connection);
         let mut stopped = pin!(stopped(self.stopping.clone()));
         let mut stopping = false;
-        let mut silent = pin!(silence(progress, self.options.idle_timeout));
-        loop {
-            tokio::select! {
-                result = &mut connection => {
-                    if let Err(error) = result {
-                        tracing::debug!(%client, %error, "the connection broke off");
+        let mut silent = pin!(pulse.silence(self.shared.options.idle_timeout));
+        let mut head: Option<Pin<Box<Sleep>>> = None;
+        let end = poll_fn(|context| {
+            loop {
+                if let Poll::Ready(result) = connection.as_mut().poll(context) {
+                    return Poll::Ready(result.map_err(|error| error.to_string()));
+                }
+                if stopping || stopped.as_mut().poll(context).is_pending() {
+                    break;
+                }
+                stopping = true;
+                connection.as_mut().graceful_shutdown();
+            }
+            match head_time.filter(|_| pulse.in_head()) {
+                None => head = None,
+                Some(time) => {
+                    let late = head.get_or_insert_with(|| Box::pin(sleep(time)));
+                    if late.as_mut().poll(context).is_ready() {
+                        return Poll::Ready(Err("the head of a request took too long".to_owned()));
                     }
-                    return;
-                }
-                () = &mut stopped, if !stopping => {
-                    stopping = true;
-                    connection.as_mut().graceful_shutdown();
-                }
-                () = &mut silent => {
-                    tracing::debug!(%client, "the connection was silent for too long");
-                    return;
                 }
             }
+            let silent = silent.as_mut().poll(context);
+            silent.map(|()| Err("it was silent for too long".to_owned()))
+        });
+        if let Err(reason) = end.await {
+            tracing::debug!(%client, reason, "the connection was broken off");
         }
     }
 }
@@ -192,29 +186,15 @@ async fn stopped(mut stop: watch::Receiver<()>) {
     while stop.changed().await.is_ok() {}
 }
 
-/// Ends when there was no progress for `limit`, or at most a quarter longer.
-async fn silence(progress: &AtomicU64, limit: Duration) {
-    let (mut last, mut since) = (progress.load(Ordering::Relaxed), Instant::now());
-    while since.elapsed() < limit {
-        sleep(limit / 4).await;
-        let now = progress.load(Ordering::Relaxed);
-        if now != last {
-            (last, since) = (now, Instant::now());
-        }
-    }
-}
-
-/// A stream that counts the bytes which are written to it. Bytes that come are no progress before they are a
-/// request: requests have no bodies here, and who sends heads byte by byte is as good as silent.
+/// A stream that tells what goes on on it.
 struct Watched<S> {
     stream: S,
-    progress: Arc<AtomicU64>,
-    outlet: Outlet,
+    pulse: Arc<Pulse>,
 }
 
 impl<S> Watched<S> {
     fn written(&self, result: io::Result<usize>) -> io::Result<usize> {
-        result.inspect(|&bytes| _ = self.progress.fetch_add(bytes as u64, Ordering::Relaxed))
+        result.inspect(|&bytes| self.pulse.written(bytes))
     }
 }
 
@@ -224,7 +204,12 @@ impl<S: AsyncRead + Unpin> AsyncRead for Watched<S> {
         context: &mut Context<'_>,
         buffer: &mut ReadBuf<'_>,
     ) -> Poll<io::Result<()>> {
-        Pin::new(&mut self.stream).poll_read(context, buffer)
+        let before = buffer.filled().len();
+        let result = Pin::new(&mut self.stream).poll_read(context, buffer);
+        if buffer.filled().len() > before {
+            self.pulse.read();
+        }
+        result
     }
 }
 
@@ -254,7 +239,7 @@ impl<S: AsyncWrite + Unpin> AsyncWrite for Watched<S> {
     fn poll_flush(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
         let result = Pin::new(&mut self.stream).poll_flush(context);
         if result.is_ready() {
-            self.outlet.flushed();
+            self.pulse.flushed();
         }
         result
     }

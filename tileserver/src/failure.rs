@@ -1,9 +1,11 @@
 //! What a client is told when it gets no record: JSON of `error`, a short code, and `detail`, a sentence.
 
-use axum::{
-    http::{HeaderName, HeaderValue, StatusCode, header},
-    response::{IntoResponse, Response},
+use hyper::{
+    StatusCode,
+    header::{self, HeaderName, HeaderValue},
 };
+
+use crate::answer::Response;
 
 /// An answer that is an error.
 #[derive(Debug)]
@@ -118,20 +120,15 @@ impl Failure {
     pub(crate) fn json(&self) -> String {
         serde_json::json!({ "error": self.error, "detail": self.detail }).to_string()
     }
-}
 
-impl IntoResponse for Failure {
-    fn into_response(self) -> Response {
-        let json = self.json();
-        // An error may be over in a moment: no cache keeps it.
-        let headers = [
-            (header::CONTENT_TYPE, "application/json"),
-            (header::CACHE_CONTROL, "no-store"),
-        ];
-        let mut response = (self.status, headers, json).into_response();
-        if let Some((name, value)) = self.header {
-            response.headers_mut().insert(name, value);
-        }
+    /// As an answer. An error may be over in a moment: no cache keeps it.
+    pub(crate) fn response(self) -> Response {
+        let mut response = Response::new(self.json().into());
+        *response.status_mut() = self.status;
+        let headers = response.headers_mut();
+        headers.insert(header::CONTENT_TYPE, HeaderValue::from_static("application/json"));
+        headers.insert(header::CACHE_CONTROL, HeaderValue::from_static("no-store"));
+        headers.extend(self.header);
         response
     }
 }

@@ -1,72 +1,84 @@
 //! Which requests are answered: not too many at once, without a body, in time, and with a token where one is needed.
 
-use std::sync::Arc;
+use std::sync::atomic::Ordering;
 
-use axum::{
-    extract::{MatchedPath, Request, State},
-    http::{HeaderMap, header},
-    middleware::Next,
-    response::Response,
+use hyper::{
+    HeaderMap, Method,
+    header::{self, HeaderName, HeaderValue},
 };
-use hyper::body::Body;
 use subtle::{Choice, ConstantTimeEq};
-use tokio::sync::OwnedSemaphorePermit;
 
 use crate::{
+    answer::Response,
+    body::Body,
     failure::Failure,
-    metrics::Route,
     service::{Service, Shared},
 };
 
-/// A request's place among those in progress; it travels with the answer until its last byte is sent.
-#[derive(Clone)]
-pub(crate) struct Place(
-    #[expect(dead_code, reason = "is given back when it is dropped")] Arc<OwnedSemaphorePermit>,
-);
-
-/// The pattern of addresses that a request's matched.
-pub(crate) fn route(request: &Request) -> Route {
-    let pattern = request.extensions().get::<MatchedPath>();
-    Route::of(pattern.map(MatchedPath::as_str), request.uri().path())
-}
-
-/// What holds for every request: there is a place for it, it has no body, and its answer begins in time. Those who
-/// look after the server always get in.
-pub(crate) async fn admit(
-    State(shared): State<Arc<Shared>>,
-    request: Request,
-    next: Next,
-) -> Result<Response, Failure> {
-    if !request.body().is_end_stream() {
-        return Err(Failure::body_not_allowed());
-    }
-    let place = match Arc::clone(&shared.requests).try_acquire_owned() {
-        _ if route(&request) == Route::Status => None,
-        Ok(permit) => Some(Place(Arc::new(permit))),
-        Err(_) => {
-            shared.metrics.shed.add(1);
-            return Err(Failure::busy());
+impl Shared {
+    /// Takes a place among the requests in progress, if there is one; [`Self::leave`] gives it back.
+    pub(crate) fn enter(&self) -> Result<(), Failure> {
+        if self.requests.fetch_add(1, Ordering::Relaxed) < self.options.requests.max(1) {
+            return Ok(());
         }
-    };
-    let answer = tokio::time::timeout(shared.options.request_timeout, next.run(request));
-    let mut answer = answer.await.map_err(|_| Failure::busy())?;
-    if let Some(place) = place {
-        answer.extensions_mut().insert(place);
+        self.leave();
+        self.metrics.shed.add(1);
+        Err(Failure::busy())
     }
-    Ok(answer)
+
+    pub(crate) fn leave(&self) {
+        self.requests.fetch_sub(1, Ordering::Relaxed);
+    }
 }
 
-/// Lets pass who has a token of the collection, or everybody if it has none.
-pub(crate) async fn authorize(
-    State(service): State<Arc<Service>>,
-    request: Request,
-    next: Next,
-) -> Result<Response, Failure> {
-    let tokens = &service.collection.tokens;
-    if !tokens.is_empty() && !known(tokens, request.headers()) {
-        return Err(Failure::unauthorized());
+impl Service<'_> {
+    /// Lets pass who has a token of the collection, or everybody if it has none.
+    pub(crate) fn authorize(&self, headers: &HeaderMap) -> Result<(), Failure> {
+        let tokens = &self.collection.tokens;
+        if tokens.is_empty() || known(tokens, headers) {
+            Ok(())
+        } else {
+            Err(Failure::unauthorized())
+        }
     }
-    Ok(next.run(request).await)
+}
+
+/// Pages of any origin may read answers, and these fields of them.
+static ANYBODY: HeaderValue = HeaderValue::from_static("*");
+static EXPOSED: HeaderValue =
+    HeaderValue::from_static("etag,content-range,content-length,accept-ranges,retry-after,x-request-id");
+/// What they may ask, and send along.
+const ASKED: [(HeaderName, &str); 4] = [
+    (header::ALLOW, "GET, HEAD, OPTIONS"),
+    (header::ACCESS_CONTROL_ALLOW_METHODS, "GET,HEAD,OPTIONS"),
+    (
+        header::ACCESS_CONTROL_ALLOW_HEADERS,
+        "authorization,range,if-range,if-none-match,cache-control,x-request-id",
+    ),
+    (header::ACCESS_CONTROL_MAX_AGE, "86400"),
+];
+
+/// The fields of all answers, for pages of other origins.
+pub(crate) fn share(headers: &mut HeaderMap) {
+    headers.insert(header::ACCESS_CONTROL_ALLOW_ORIGIN, ANYBODY.clone());
+    headers.insert(header::ACCESS_CONTROL_EXPOSE_HEADERS, EXPOSED.clone());
+}
+
+/// Preflights, and others who ask what may be asked, get an answer without a token and without a place.
+pub(crate) fn options() -> Response {
+    let mut response = Response::new(Body::Empty);
+    let fields = ASKED.map(|(name, value)| (name, HeaderValue::from_static(value)));
+    response.headers_mut().extend(fields);
+    response
+}
+
+/// Whether a request only reads.
+pub(crate) fn reads(method: &Method) -> Result<(), Failure> {
+    if matches!(*method, Method::GET | Method::HEAD) {
+        Ok(())
+    } else {
+        Err(Failure::method_not_allowed())
+    }
 }
 
 /// Whether `Authorization` has one of the tokens (RFC 6750, section 2.1). Takes as long for any token of the same
@@ -86,7 +98,7 @@ fn known(tokens: &[String], headers: &HeaderMap) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use axum::http::HeaderValue;
+    use hyper::header::HeaderValue;
 
     use super::*;
 

@@ -3,7 +3,7 @@
 //! - [`Store`]: where archives lie: a [`Folder`], [`Objects`] of a bucket, or what a program brings.
 //! - [`Collection`]: the archives of a store, found by listing it, opened once.
 //! - [`Site`]: collections and their places, the files of a web page ([`StaticFiles`]), and the certificate.
-//! - [`fn@run`]: the service on a socket, until it is told to stop; [`router`] for programs that bring their own.
+//! - [`fn@run`]: the service on a socket, until it is told to stop.
 //!
 //! A record is checked against its hash before it is sent; addresses of records carry the content id of their
 //! archive and never change their content, so that any cache may keep them for good. The server holds no
@@ -17,9 +17,11 @@
 //!
 //! Pages and columns are never compressed again, and nothing that clients send is kept.
 
+mod address;
 mod answer;
 mod batch;
 mod beside;
+mod body;
 mod budget;
 mod collection;
 mod conditional;
@@ -34,8 +36,8 @@ mod log;
 mod metrics;
 mod open_files;
 mod options;
-mod outlet;
 mod parts;
+mod pulse;
 mod range;
 mod reads;
 mod records;
@@ -47,13 +49,13 @@ mod static_files;
 mod status;
 pub mod store;
 mod tls;
+mod workers;
 
 pub use beside::MAX_FILES;
 pub use collection::{Collection, MAX_ARCHIVES};
 pub use error::{Error, Result};
 pub use open_files::raise_open_files;
 pub use options::Options;
-pub use routes::router;
 pub use run::run;
 pub use site::Site;
 pub use static_files::StaticFiles;

@@ -3,6 +3,7 @@
 use std::{
     collections::hash_map::RandomState,
     hash::BuildHasher,
+    io,
     pin::Pin,
     sync::{
         Arc, LazyLock,
@@ -12,53 +13,20 @@ use std::{
     time::Instant,
 };
 
-use axum::{
-    body::Body,
-    extract::{Request, State},
-    http::{HeaderMap, HeaderValue, Method, StatusCode, Uri},
-    middleware::Next,
-    response::Response,
-};
 use bytes::Bytes;
-use hyper::body::{Body as HttpBody, Frame, SizeHint};
-
-use crate::{
-    guard::{self, Place},
-    metrics::{Metrics, Route},
-    service::Shared,
+use hyper::{
+    HeaderMap, Method, Response, StatusCode, Uri,
+    body::{Body as HttpBody, Frame, SizeHint},
+    header::{HeaderName, HeaderValue},
+    http::request::Parts,
 };
+
+use crate::{body::Body, failure::Failure, metrics::Route, pulse::Pulse, service::Shared};
 
 /// The field that names a request, from proxies and to clients.
-pub(crate) const REQUEST_ID: &str = "x-request-id";
+pub(crate) const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
 /// Longest name that is taken over.
 const MAX_ID_BYTES: usize = 64;
-
-/// Logs id, method, path, status, bytes of the body, milliseconds until the last of them was handed to the
-/// connection, and whether that was all of the body.
-pub(crate) async fn access(State(shared): State<Arc<Shared>>, request: Request, next: Next) -> Response {
-    let id = request_id(request.headers());
-    let (method, uri, begin) = (request.method().clone(), request.uri().clone(), Instant::now());
-    let mut line = Line {
-        metrics: Arc::clone(&shared.metrics),
-        route: guard::route(&request),
-        id: id.clone(),
-        method,
-        uri,
-        // Stands if the client leaves before there is an answer, as nginx has it.
-        status: StatusCode::from_u16(499).unwrap_or_default(),
-        begin,
-        bytes: 0,
-        complete: false,
-        _place: None,
-    };
-    line.metrics.requests_begun.add(1);
-    let mut response = next.run(request).await;
-    line.status = response.status();
-    line._place = response.extensions_mut().remove::<Place>();
-    line.metrics.begun(line.route, line.status, begin.elapsed());
-    response.headers_mut().insert(REQUEST_ID, id);
-    response.map(|body| Body::new(Logged { body, line }))
-}
 
 /// The id that a client or a proxy has given, if it cannot do harm in a log, or a new one.
 pub(crate) fn request_id(headers: &HeaderMap) -> HeaderValue {
@@ -74,12 +42,17 @@ fn new_id() -> HeaderValue {
     static START: LazyLock<u64> = LazyLock::new(|| RandomState::new().hash_one(()));
     static COUNT: AtomicU64 = AtomicU64::new(0);
     let number = START.wrapping_add(COUNT.fetch_add(1, Ordering::Relaxed));
+    let digits: [u8; 16] =
+        std::array::from_fn(|at| b"0123456789abcdef"[(number >> (60 - 4 * at)) as usize & 15]);
     // Digits only, which are a field always.
-    HeaderValue::try_from(format!("{number:016x}")).unwrap_or(HeaderValue::from_static("-"))
+    HeaderValue::from_bytes(&digits).unwrap_or(HeaderValue::from_static("-"))
 }
 
-struct Line {
-    metrics: Arc<Metrics>,
+/// A request, from its head to the last byte of its answer: id, method, path, status, bytes of the body, milliseconds until
+/// the last of them was handed to the connection, and whether that was all of the body.
+pub(crate) struct Line {
+    pub(crate) shared: Arc<Shared>,
+    pulse: Arc<Pulse>,
     route: Route,
     id: HeaderValue,
     method: Method,
@@ -88,16 +61,61 @@ struct Line {
     begin: Instant,
     bytes: u64,
     complete: bool,
-    /// Held until the line is written.
-    _place: Option<Place>,
+    /// Has a place among those in progress.
+    entered: bool,
+}
+
+impl Line {
+    pub(crate) fn new(shared: Arc<Shared>, pulse: &Arc<Pulse>, head: &Parts, route: Route) -> Self {
+        pulse.request();
+        shared.metrics.requests_begun.add(1);
+        Self {
+            shared,
+            pulse: Arc::clone(pulse),
+            route,
+            id: request_id(&head.headers),
+            method: head.method.clone(),
+            uri: head.uri.clone(),
+            // Stands if the client leaves before there is an answer, as nginx has it.
+            status: StatusCode::from_u16(499).unwrap_or_default(),
+            begin: Instant::now(),
+            bytes: 0,
+            complete: false,
+            entered: false,
+        }
+    }
+
+    /// Takes a place for as long as this lives. Those who look after the server always get in.
+    pub(crate) fn enter(&mut self) -> Result<(), Failure> {
+        if self.route != Route::Status {
+            self.shared.enter()?;
+            self.entered = true;
+        }
+        Ok(())
+    }
+
+    /// The answer, which takes the line along.
+    pub(crate) fn answered(mut self, mut response: Response<Body>) -> Response<Logged> {
+        self.status = response.status();
+        self.shared
+            .metrics
+            .begun(self.route, self.status, self.begin.elapsed());
+        response.headers_mut().insert(REQUEST_ID, self.id.clone());
+        response.map(|body| Logged { body, line: self })
+    }
 }
 
 impl Drop for Line {
     fn drop(&mut self) {
-        self.metrics.requests_ended.add(1);
-        self.metrics.sent(self.route, self.bytes);
+        self.pulse.answered();
+        if self.entered {
+            self.shared.leave();
+        }
+        let metrics = &self.shared.metrics;
+        metrics.requests_ended.add(1);
+        metrics.sent(self.route, self.bytes);
         if !self.complete {
-            self.metrics.broken_off.add(1);
+            metrics.broken_off.add(1);
         }
         tracing::info!(
             id = self.id.to_str().unwrap_or_default(),
@@ -112,19 +130,20 @@ impl Drop for Line {
     }
 }
 
-struct Logged {
+/// A body whose bytes are counted.
+pub(crate) struct Logged {
     body: Body,
     line: Line,
 }
 
 impl HttpBody for Logged {
     type Data = Bytes;
-    type Error = axum::Error;
+    type Error = io::Error;
 
     fn poll_frame(
         mut self: Pin<&mut Self>,
         context: &mut Context<'_>,
-    ) -> Poll<Option<Result<Frame<Bytes>, axum::Error>>> {
+    ) -> Poll<Option<io::Result<Frame<Bytes>>>> {
         let frame = ready!(Pin::new(&mut self.body).poll_frame(context));
         match &frame {
             Some(Ok(frame)) => self.line.bytes += frame.data_ref().map_or(0, |data| data.len() as u64),
@@ -157,10 +176,7 @@ mod tests {
     #[test]
     fn ids_are_taken_over_or_made() {
         let id = |given: &str| {
-            let headers = HeaderMap::from_iter([(
-                axum::http::HeaderName::from_static(REQUEST_ID),
-                HeaderValue::from_str(given).unwrap(),
-            )]);
+            let headers = HeaderMap::from_iter([(REQUEST_ID, HeaderValue::from_str(given).unwrap())]);
             request_id(&headers).to_str().unwrap().to_owned()
         };
         assert_eq!(id("a-1_b.c:2"), "a-1_b.c:2");

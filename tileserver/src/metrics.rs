@@ -9,7 +9,7 @@ use std::{
     time::Duration,
 };
 
-use axum::http::StatusCode;
+use hyper::StatusCode;
 
 /// A number that only grows.
 #[derive(Default)]
@@ -35,12 +35,14 @@ pub(crate) enum Route {
     Page,
     Column,
     Batch,
+    File,
+    Site,
     Status,
     Other,
 }
 
 impl Route {
-    const NAMES: [&str; 9] = [
+    const NAMES: [&str; 11] = [
         "catalogue",
         "manifest",
         "archive",
@@ -48,29 +50,11 @@ impl Route {
         "page",
         "column",
         "batch",
+        "file",
+        "site",
         "status",
         "other",
     ];
-
-    /// By the pattern that an address matched, and its path.
-    pub(crate) fn of(pattern: Option<&str>, path: &str) -> Self {
-        let Some(pattern) = pattern else {
-            return Self::Other;
-        };
-        // Collections may have a place of their own in front.
-        let rest = pattern.find("/v1").map_or(pattern, |at| &pattern[at..]);
-        match rest {
-            "/v1" | "/v1/" => Self::Catalogue,
-            "/v1/{file}" if path.ends_with(".bsvtf") => Self::Archive,
-            "/v1/{file}" => Self::Manifest,
-            "/v1/{name}/{id}/index" => Self::Index,
-            "/v1/{name}/{id}/batch/{records}" => Self::Batch,
-            "/health" | "/ready" | "/metrics" => Self::Status,
-            _ if rest.contains("/page/") => Self::Page,
-            _ if rest.contains("/column/") => Self::Column,
-            _ => Self::Other,
-        }
-    }
 }
 
 /// Statuses that are counted one by one; the last one stands for all others.
@@ -318,26 +302,6 @@ fn head(out: &mut String, name: &str, kind: &str, help: &str) -> std::fmt::Resul
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn routes_are_told_by_pattern_and_path() {
-        for (pattern, path, route) in [
-            (Some("/v1/"), "/v1/", Route::Catalogue),
-            (Some("/museum/v1"), "/museum/v1", Route::Catalogue),
-            (Some("/v1/{file}"), "/v1/cloth", Route::Manifest),
-            (Some("/v1/{file}"), "/v1/cloth.bsvtf", Route::Archive),
-            (
-                Some("/v1/{name}/{id}/page/{group}/{mip}/{x}/{y}"),
-                "/v1/a/b/page/0/0/0/0",
-                Route::Page,
-            ),
-            (Some("/x/v1/{name}/{id}/column/{group}"), "", Route::Column),
-            (Some("/ready"), "/ready", Route::Status),
-            (None, "/v1/", Route::Other),
-        ] {
-            assert_eq!(Route::of(pattern, path), route, "{pattern:?} {path}");
-        }
-    }
 
     #[test]
     fn histograms_are_cumulative_and_bounds_belong_to_their_bucket() {

@@ -11,7 +11,6 @@ use std::{
 };
 
 use bytes::Bytes;
-use hyper::body::{Body, Frame, SizeHint};
 
 use crate::{records::Records, store::Version};
 
@@ -109,21 +108,16 @@ impl FileBody {
     }
 }
 
-impl Body for FileBody {
-    type Data = Bytes;
-    type Error = io::Error;
-
-    fn poll_frame(
-        mut self: Pin<&mut Self>,
-        context: &mut Context<'_>,
-    ) -> Poll<Option<io::Result<Frame<Bytes>>>> {
+impl FileBody {
+    /// The next part, once it is read; `None` at the end.
+    pub(crate) fn poll_part(&mut self, context: &mut Context<'_>) -> Poll<Option<io::Result<Bytes>>> {
         let mut reading = match self.reading.take() {
             Some(reading) => reading,
             None => match self.left.pop_front() {
                 None => return Poll::Ready(None),
                 Some(Piece::Text(text)) => {
                     self.left_bytes -= text.len() as u64;
-                    return Poll::Ready(Some(Ok(Frame::data(text))));
+                    return Poll::Ready(Some(Ok(text)));
                 }
                 Some(Piece::Range(range)) => {
                     let end = range.end.min(range.start + PART_BYTES);
@@ -142,14 +136,6 @@ impl Body for FileBody {
             Ok(bytes) => self.left_bytes -= bytes.len() as u64,
             Err(_) => self.left.clear(), // After an error there is nothing more to come.
         }
-        Poll::Ready(Some(part.map(Frame::data)))
-    }
-
-    fn is_end_stream(&self) -> bool {
-        self.left_bytes == 0
-    }
-
-    fn size_hint(&self) -> SizeHint {
-        SizeHint::with_exact(self.left_bytes)
+        Poll::Ready(Some(part))
     }
 }

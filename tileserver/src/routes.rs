@@ -1,28 +1,29 @@
 //! Addresses and what they answer.
 
-use std::{borrow::Cow, sync::Arc, time::Duration};
+use std::{convert::Infallible, sync::Arc};
 
-use axum::{
-    Extension, Router,
-    body::Body,
-    extract::{Path, State, rejection::PathRejection},
-    http::{HeaderMap, HeaderName, HeaderValue, Method, StatusCode, Uri, header},
-    middleware,
-    response::Response,
-    routing::get,
+use hyper::{
+    HeaderMap, Method, Request, StatusCode,
+    body::{Body as _, Incoming},
+    header::{self, HeaderValue},
+    http::request::Parts,
 };
 use tileset::{PageId, Tile};
-use tower_http::cors::{Any, CorsLayer};
 use xxhash_rust::xxh3::xxh3_64;
 
 use crate::{
-    Options, Site,
-    answer::{self, Fields, Keep},
-    batch, conditional,
+    address::{Address, Content, Record, unescaped},
+    answer::{self, Answer, Fields, Keep},
+    batch,
+    body::Body,
+    collection::Served,
+    conditional,
     failure::Failure,
-    guard, log,
-    outlet::Outlet,
+    guard,
+    log::{Line, Logged},
+    metrics::Route,
     parts::FileBody,
+    pulse::Pulse,
     range::{self, Wanted},
     records::What,
     service::{Service, Shared},
@@ -30,156 +31,163 @@ use crate::{
     store::Version,
 };
 
-type Serving = State<Arc<Service>>;
-type Segments<T> = Result<Path<T>, PathRejection>;
-type Answer = Result<Response, Failure>;
-
-/// The service over collections. Needs a tokio runtime; limits on connections are those of whoever runs it.
-pub fn router(site: impl Into<Site>, options: &Options) -> Router {
-    build(site.into(), options).0
-}
-
-/// The service, and what its connections share with it.
-pub(crate) fn build(site: Site, options: &Options) -> (Router, Arc<Shared>) {
-    let collections: Vec<_> = site
-        .collections
-        .into_iter()
-        .map(|(place, collection)| (place, Arc::new(collection)))
-        .collect();
-    let all = collections
-        .iter()
-        .map(|(_, collection)| Arc::clone(collection))
-        .collect();
-    let shared = Arc::new(Shared::new(options, all, site.static_files));
-    let mut router = status::routes(&shared);
-    for (place, collection) in collections {
-        let service = Arc::new(Service {
-            shared: Arc::clone(&shared),
-            collection,
-        });
-        let routes = collection_routes(service);
-        router = if place.is_empty() {
-            router.merge(routes)
-        } else {
-            router.nest(&format!("/{place}"), routes)
-        };
+/// Answers a request: logged, counted, in its place among others, and in time.
+pub(crate) async fn answer(
+    shared: Arc<Shared>,
+    pulse: Arc<Pulse>,
+    request: Request<Incoming>,
+) -> Result<hyper::Response<Logged>, Infallible> {
+    let (head, body) = request.into_parts();
+    let has_body = !body.is_end_stream();
+    drop(body);
+    let address = Address::of(head.uri.path());
+    let route = match address.route() {
+        Route::Other if !shared.static_files.is_empty() => Route::Site,
+        route => route,
+    };
+    let mut line = Line::new(shared, &pulse, &head, route);
+    let answered = if head.method == Method::OPTIONS {
+        Ok(guard::options())
+    } else if has_body {
+        Err(Failure::body_not_allowed())
+    } else {
+        match line.enter() {
+            Ok(()) => {
+                let time = line.shared.options.request_timeout;
+                let handled = tokio::time::timeout(time, handle(&line.shared, &pulse, &head, address));
+                handled.await.unwrap_or_else(|_| Err(Failure::busy()))
+            }
+            Err(busy) => Err(busy),
+        }
+    };
+    let mut response = answered.unwrap_or_else(Failure::response);
+    guard::share(response.headers_mut());
+    if head.method == Method::HEAD {
+        without_body(&mut response);
     }
-    let router = router
-        .merge(Router::new().fallback(elsewhere).with_state(Arc::clone(&shared)))
-        .method_not_allowed_fallback(async || Failure::method_not_allowed())
-        .layer(middleware::from_fn_with_state(Arc::clone(&shared), guard::admit))
-        .layer(cors())
-        .layer(middleware::from_fn_with_state(Arc::clone(&shared), log::access));
-    (router, shared)
+    Ok(line.answered(response))
 }
 
-/// Preflights are answered by this layer.
-fn cors() -> CorsLayer {
-    CorsLayer::new()
-        .allow_origin(Any)
-        .allow_methods([Method::GET, Method::HEAD, Method::OPTIONS])
-        .allow_headers([
-            header::AUTHORIZATION,
-            header::RANGE,
-            header::IF_RANGE,
-            header::IF_NONE_MATCH,
-            header::CACHE_CONTROL,
-            HeaderName::from_static(log::REQUEST_ID),
-        ])
-        .expose_headers([
-            header::ETAG,
-            header::CONTENT_RANGE,
-            header::CONTENT_LENGTH,
-            header::ACCEPT_RANGES,
-            header::RETRY_AFTER,
-            HeaderName::from_static(log::REQUEST_ID),
-        ])
-        .max_age(Duration::from_secs(24 * 3600))
+/// Leaves of a body only its length.
+fn without_body(response: &mut answer::Response) {
+    if let Some(length) = response.body().size_hint().exact() {
+        response
+            .headers_mut()
+            .insert(header::CONTENT_LENGTH, length.into());
+    }
+    *response.body_mut() = Body::Empty;
 }
 
-fn collection_routes(service: Arc<Service>) -> Router {
-    Router::new()
-        .route("/v1", get(catalogue))
-        .route("/v1/", get(catalogue))
-        .route("/v1/{file}", get(archive_or_manifest))
-        .route("/v1/files/{file}", get(file))
-        .route("/v1/files/{hash}/{file}", get(hashed_file))
-        .route("/v1/{name}/{id}/index", get(index))
-        .route("/v1/{name}/{id}/page/{group}/{mip}/{x}/{y}", get(page))
-        .route("/v1/{name}/{id}/column/{group}", get(column))
-        .route("/v1/{name}/{id}/batch/{records}", get(records))
-        .route_layer(middleware::from_fn_with_state(
-            Arc::clone(&service),
-            guard::authorize,
-        ))
-        .with_state(service)
+async fn handle(shared: &Shared, pulse: &Arc<Pulse>, head: &Parts, address: Address<'_>) -> Answer {
+    let Address::In(place, content) = address else {
+        return elsewhere(shared, head, address).await;
+    };
+    let mut collections = shared.collections.iter();
+    let Some((_, collection)) = collections.find(|(other, _)| other == place) else {
+        return elsewhere(shared, head, Address::Elsewhere).await;
+    };
+    guard::reads(&head.method)?;
+    let service = Service { shared, collection };
+    service.authorize(&head.headers)?;
+    let (name, id, record) = match content {
+        Content::Of(name, id, record) => (segment(name)?, segment(id)?, record),
+        // Boxed, as is all that may wait for long: the way to a record that is at hand stays small.
+        other => return Box::pin(file(service, head, other)).await,
+    };
+    let served = service.pinned(&name, &id).await?;
+    let not_in_archive = |error: tileset::Error| Failure::not_found(error.to_string());
+    let (what, etag) = match record {
+        Record::Index => (What::Index, format!("\"{id}\"")),
+        Record::Page([group, mip, x, y]) => {
+            let page = page(group, mip, x, y)?;
+            let hash = served.index.page(page).map_err(not_in_archive)?.hash;
+            (What::Page(page), format!("\"{hash:08x}\""))
+        }
+        Record::Column(group) => {
+            let group = number("group", &segment(group)?)?;
+            let hash = served.index.column(group).map_err(not_in_archive)?.hash;
+            (What::Column(group), format!("\"{hash:08x}\""))
+        }
+        Record::Batch(list) => return many(service, pulse, head, served, list),
+    };
+    let fields = Fields::binary(etag, Keep::ForGood, service.private());
+    if fields.known(&head.headers) {
+        return Ok(fields.not_modified());
+    }
+    Ok(fields.whole(service.read(served, what).await?))
 }
 
-async fn catalogue(State(service): Serving, headers: HeaderMap) -> Response {
-    answer::document(service.listing().await.catalogue(), &headers, service.private())
-}
-
-/// `NAME` is the manifest, `NAME.bsvtf` the archive itself; no archive has a name with that ending.
-async fn archive_or_manifest(
-    State(service): Serving,
-    method: Method,
-    headers: HeaderMap,
-    file: Segments<String>,
-) -> Answer {
-    let Path(file) = segments(file)?;
-    match file.strip_suffix(".bsvtf") {
-        Some(name) => archive(&service, name, &method, &headers).await,
-        None => {
-            let served = service.newest(&file).await?;
-            Ok(answer::document(&served.manifest, &headers, service.private()))
+/// What belongs to no collection.
+async fn elsewhere(shared: &Shared, head: &Parts, address: Address<'_>) -> Answer {
+    if address != Address::Elsewhere {
+        guard::reads(&head.method)?;
+    }
+    match address {
+        Address::Health => Ok(status::health()),
+        Address::Ready => Box::pin(status::ready(shared)).await,
+        Address::Metrics => Ok(status::metrics(shared)),
+        Address::In(..) | Address::Elsewhere => {
+            let path = unescaped(head.uri.path());
+            let Some(file) = path.and_then(|path| shared.static_files.find(&path)) else {
+                return Err(Failure::not_found(
+                    "no such address: GET /v1/ lists what there is",
+                ));
+            };
+            guard::reads(&head.method)?;
+            Ok(answer::static_file(file, &head.headers))
         }
     }
 }
 
-async fn archive(service: &Service, name: &str, method: &Method, headers: &HeaderMap) -> Answer {
-    let served = service.newest(name).await?;
-    let fields = Fields::binary(format!("\"{}\"", served.id()), Keep::Shortly, service.private());
-    stored(service, fields, Arc::clone(&served.version), method, headers)
+/// What may be another content later.
+async fn file(service: Service<'_>, head: &Parts, content: Content<'_>) -> Answer {
+    let (headers, method) = (&head.headers, &head.method);
+    match content {
+        Content::ManifestOrArchive(file) => {
+            let file = segment(file)?;
+            let Some(name) = file.strip_suffix(".bsvtf") else {
+                let served = service.newest(&file).await?;
+                return Ok(answer::document(&served.manifest, headers, service.private()));
+            };
+            let served = service.newest(name).await?;
+            let fields = Fields::binary(format!("\"{}\"", served.id()), Keep::Shortly, service.private());
+            stored(service, fields, Arc::clone(&served.version), method, headers)
+        }
+        Content::Beside(hash, name) => {
+            let (fields, version) = service.beside(&segment(name)?, hash).await?;
+            let mut response = stored(service, fields, version, method, headers)?;
+            // Whatever it holds, it is what its ending says.
+            let nosniff = HeaderValue::from_static("nosniff");
+            response
+                .headers_mut()
+                .insert(header::X_CONTENT_TYPE_OPTIONS, nosniff);
+            Ok(response)
+        }
+        Content::Catalogue | Content::Of(..) => {
+            let listing = service.listing().await;
+            Ok(answer::document(listing.catalogue(), headers, service.private()))
+        }
+    }
 }
 
-/// A file beside the archives, as it is now.
-async fn file(State(service): Serving, method: Method, headers: HeaderMap, path: Segments<String>) -> Answer {
-    let Path(name) = segments(path)?;
-    beside(&service, &name, None, &method, &headers).await
-}
-
-/// A file beside the archives, with the hash of its content.
-async fn hashed_file(
-    State(service): Serving,
-    method: Method,
-    headers: HeaderMap,
-    path: Segments<(String, String)>,
-) -> Answer {
-    let Path((hash, name)) = segments(path)?;
-    beside(&service, &name, Some(&hash), &method, &headers).await
-}
-
-async fn beside(
-    service: &Service,
-    name: &str,
-    hash: Option<&str>,
-    method: &Method,
-    headers: &HeaderMap,
-) -> Answer {
-    let (fields, version) = service.beside(name, hash).await?;
-    let mut response = stored(service, fields, version, method, headers)?;
-    // Whatever it holds, it is what its ending says.
-    let nosniff = HeaderValue::from_static("nosniff");
-    response
-        .headers_mut()
-        .insert(header::X_CONTENT_TYPE_OPTIONS, nosniff);
+/// Many records at once.
+fn many(service: Service<'_>, pulse: &Arc<Pulse>, head: &Parts, served: Arc<Served>, list: &str) -> Answer {
+    let list = segment(list)?;
+    let wanted = batch::wanted(&list)?;
+    let fields = Fields::binary(batch::etag(&served, &list), Keep::ForGood, service.private());
+    if fields.known(&head.headers) {
+        return Ok(fields.not_modified());
+    }
+    let mut response = fields.response(StatusCode::OK);
+    let records = Arc::clone(&service.shared.records);
+    *response.body_mut() = batch::body(served, records, wanted, Arc::clone(pulse));
     Ok(response)
 }
 
 /// A whole file or ranges of it, as it stands in the store.
 fn stored(
-    service: &Service,
-    mut fields: Fields,
+    service: Service<'_>,
+    fields: Fields,
     version: Arc<dyn Version>,
     method: &Method,
     headers: &HeaderMap,
@@ -200,14 +208,18 @@ fn stored(
         _ => Wanted::Whole,
     };
     let records = Arc::clone(&service.shared.records);
-    let (status, content_range, body) = match wanted {
+    let (status, field, body) = match wanted {
         Wanted::Refused(detail) => return Err(Failure::range_not_satisfiable(detail, length)),
         Wanted::Whole => (StatusCode::OK, None, FileBody::one(version, records, 0..length)),
         Wanted::Parts(ranges) if ranges.len() == 1 => {
             let range = ranges[0].clone();
             let field = format!("bytes {}-{}/{length}", range.start, range.end - 1);
             let body = FileBody::one(version, records, range);
-            (StatusCode::PARTIAL_CONTENT, Some(field), body)
+            (
+                StatusCode::PARTIAL_CONTENT,
+                Some((header::CONTENT_RANGE, field)),
+                body,
+            )
         }
         Wanted::Parts(ranges) => {
             // Anything that does not stand in the file; its ETag and the ranges make that as sure as can be.
@@ -215,147 +227,38 @@ fn stored(
                 "{:016x}",
                 xxh3_64(format!("{}{ranges:?}", fields.etag).as_bytes())
             );
-            let kind = HeaderValue::try_from(format!("multipart/byteranges; boundary={boundary}"));
-            let of_parts = std::mem::replace(&mut fields.kind, kind.unwrap_or(HeaderValue::from_static("")));
-            let of_parts = of_parts.to_str().unwrap_or_default();
-            let body = FileBody::multipart(version, records, ranges, of_parts, &boundary);
-            (StatusCode::PARTIAL_CONTENT, None, body)
+            let field = format!("multipart/byteranges; boundary={boundary}");
+            let body = FileBody::multipart(version, records, ranges, fields.kind, &boundary);
+            (
+                StatusCode::PARTIAL_CONTENT,
+                Some((header::CONTENT_TYPE, field)),
+                body,
+            )
         }
     };
     let mut response = fields.response(status);
     let out = response.headers_mut();
     out.insert(header::ACCEPT_RANGES, HeaderValue::from_static("bytes"));
-    out.insert(header::CONTENT_LENGTH, body.bytes().into());
-    out.extend(content_range.and_then(|field| Some((header::CONTENT_RANGE, field.try_into().ok()?))));
-    *response.body_mut() = Body::new(body);
+    if let Some((name, value)) = field {
+        out.extend(HeaderValue::try_from(value).map(|value| (name, value)));
+    }
+    *response.body_mut() = Body::File(Box::new(body));
     Ok(response)
 }
 
-/// A file of the web page, or nothing.
-async fn elsewhere(
-    State(shared): State<Arc<Shared>>,
-    method: Method,
-    uri: Uri,
-    headers: HeaderMap,
-) -> Answer {
-    let path = percent_decode(uri.path());
-    match path.and_then(|path| shared.static_files.find(&path)) {
-        Some(_) if method != Method::GET && method != Method::HEAD => Err(Failure::method_not_allowed()),
-        Some(file) => Ok(answer::static_file(file, &headers)),
-        None => Err(Failure::not_found(
-            "no such address: GET /v1/ lists what there is",
-        )),
-    }
+/// A segment of the path, unescaped.
+fn segment(segment: &str) -> Result<std::borrow::Cow<'_, str>, Failure> {
+    unescaped(segment).ok_or_else(|| Failure::bad_request(format!("{segment:?} in the path is no UTF-8")))
 }
 
-/// A path without escapes; `None` if it is no UTF-8.
-fn percent_decode(path: &str) -> Option<Cow<'_, str>> {
-    if !path.contains('%') {
-        return Some(path.into());
-    }
-    let (mut bytes, mut rest) = (Vec::with_capacity(path.len()), path.as_bytes());
-    while let [first, tail @ ..] = rest {
-        let digits = tail
-            .get(..2)
-            .filter(|digits| *first == b'%' && digits.iter().all(u8::is_ascii_hexdigit));
-        let escaped =
-            digits.and_then(|digits| u8::from_str_radix(std::str::from_utf8(digits).ok()?, 16).ok());
-        bytes.push(escaped.unwrap_or(*first));
-        rest = &tail[if escaped.is_some() { 2 } else { 0 }..];
-    }
-    String::from_utf8(bytes).ok().map(Cow::Owned)
-}
-
-async fn index(State(service): Serving, headers: HeaderMap, path: Segments<(String, String)>) -> Answer {
-    let Path((name, id)) = segments(path)?;
-    let served = service.pinned(&name, &id).await?;
-    let etag = format!("\"{id}\"");
-    record(&service, &headers, served, What::Index, etag).await
-}
-
-async fn page(
-    State(service): Serving,
-    headers: HeaderMap,
-    path: Segments<(String, String, String, String, String, String)>,
-) -> Answer {
-    let Path((name, id, group, mip, x, y)) = segments(path)?;
+fn page(group: &str, mip: &str, x: &str, y: &str) -> Result<PageId, Failure> {
     let tile = Tile {
-        mip: number("mip", &mip)?,
-        x: number("x", &x)?,
-        y: number("y", &y)?,
+        mip: number("mip", &segment(mip)?)?,
+        x: number("x", &segment(x)?)?,
+        y: number("y", &segment(y)?)?,
     };
-    let page = PageId {
-        group: number("group", &group)?,
-        tile,
-    };
-    let served = service.pinned(&name, &id).await?;
-    let hash = served.index.page(page).map_err(not_in_archive)?.hash;
-    record(
-        &service,
-        &headers,
-        served,
-        What::Page(page),
-        format!("\"{hash:08x}\""),
-    )
-    .await
-}
-
-async fn column(
-    State(service): Serving,
-    headers: HeaderMap,
-    path: Segments<(String, String, String)>,
-) -> Answer {
-    let Path((name, id, group)) = segments(path)?;
-    let group: u16 = number("group", &group)?;
-    let served = service.pinned(&name, &id).await?;
-    let hash = served.index.column(group).map_err(not_in_archive)?.hash;
-    record(
-        &service,
-        &headers,
-        served,
-        What::Column(group),
-        format!("\"{hash:08x}\""),
-    )
-    .await
-}
-
-async fn record(
-    service: &Service,
-    headers: &HeaderMap,
-    served: Arc<crate::collection::Served>,
-    what: What,
-    etag: String,
-) -> Answer {
-    let fields = Fields::binary(etag, Keep::ForGood, service.private());
-    if fields.known(headers) {
-        return Ok(fields.not_modified());
-    }
-    Ok(fields.whole(service.read(served, what).await?))
-}
-
-/// Many records at once.
-async fn records(
-    State(service): Serving,
-    headers: HeaderMap,
-    outlet: Option<Extension<Outlet>>,
-    path: Segments<(String, String, String)>,
-) -> Answer {
-    let Path((name, id, list)) = segments(path)?;
-    let wanted = batch::wanted(&list)?;
-    let served = service.pinned(&name, &id).await?;
-    let fields = Fields::binary(batch::etag(&served, &list), Keep::ForGood, service.private());
-    if fields.known(&headers) {
-        return Ok(fields.not_modified());
-    }
-    let mut response = fields.response(StatusCode::OK);
-    let outlet = outlet.map(|Extension(outlet)| outlet);
-    *response.body_mut() = batch::body(served, Arc::clone(&service.shared.records), wanted, outlet);
-    Ok(response)
-}
-
-/// Segments of the path, unescaped.
-fn segments<T>(path: Segments<T>) -> Result<Path<T>, Failure> {
-    path.map_err(|error| Failure::bad_request(error.body_text()))
+    let group = number("group", &segment(group)?)?;
+    Ok(PageId { group, tile })
 }
 
 /// A number in a path, in the one way it is written: each record has one address.
@@ -364,8 +267,4 @@ pub(crate) fn number<T: std::str::FromStr>(what: &str, digits: &str) -> Result<T
         digits.bytes().all(|byte| byte.is_ascii_digit()) && (digits == "0" || !digits.starts_with('0'));
     let number = digits.parse().ok().filter(|_| canonical);
     number.ok_or_else(|| Failure::bad_request(format!("{what} is {digits:?}, which is no number it can be")))
-}
-
-fn not_in_archive(error: tileset::Error) -> Failure {
-    Failure::not_found(error.to_string())
 }

@@ -12,11 +12,13 @@ use std::{
 use tokio::{
     net::{TcpListener, TcpStream},
     sync::{Semaphore, watch},
-    task::JoinSet,
-    time::{sleep, timeout},
+    time::sleep,
 };
 
-use crate::{Error, MAX_ARCHIVES, Options, Result, Site, connection::Door, open_files, routes};
+use crate::{
+    Error, MAX_ARCHIVES, Options, Result, Site, connection::Door, open_files, service::Shared,
+    workers::Workers,
+};
 
 /// Pause after the system has refused a connection for want of something, such as open files.
 const ACCEPT_PAUSE: Duration = Duration::from_millis(500);
@@ -43,17 +45,15 @@ pub async fn run(
         .sum();
     tracing::info!(%address, archives, tls = site.tls.is_some(), "listening");
     let tls = site.tls.take();
-    let (router, shared) = routes::build(site, &options);
+    let shared = Arc::new(Shared::new(site, &options));
     let (stop, stopping) = watch::channel(());
-    let door = Arc::new(Door {
-        router,
+    let door = Door {
+        shared: Arc::clone(&shared),
         tls,
-        options,
-        metrics: Arc::clone(&shared.metrics),
         stopping,
-    });
+    };
+    let workers = Workers::start(Arc::new(door)).map_err(Error::Socket)?;
     let slots = Arc::new(Semaphore::new(connections_of(&options)));
-    let mut connections = JoinSet::new();
     let mut end = pin!(async {
         shutdown.await;
         shared.draining.store(true, Ordering::Relaxed);
@@ -63,31 +63,18 @@ pub async fn run(
         // A slot first: more connections wait in the system's queue.
         let accepted = async {
             let slot = Arc::clone(&slots).acquire_owned().await;
-            (slot, accept(&listener).await)
+            let (stream, client) = accept(&listener).await;
+            workers.give(stream, client, slot).await;
         };
         tokio::select! {
-            (slot, (stream, client)) = accepted => {
-                let door = Arc::clone(&door);
-                connections.spawn(async move {
-                    let _slot = slot;
-                    door.serve(stream, client).await;
-                });
-            }
-            Some(_) = connections.join_next() => {}
+            () = accepted => {}
             () = &mut end => break,
         }
     }
     drop(listener);
     drop(stop);
-    tracing::info!(connections = connections.len(), "stopping");
-    let drained = async { while connections.join_next().await.is_some() {} };
-    if timeout(options.drain_timeout, drained).await.is_err() {
-        tracing::warn!(
-            connections = connections.len(),
-            "requests were still in progress and are broken off"
-        );
-        connections.shutdown().await;
-    }
+    tracing::info!(connections = workers.connections(), "stopping");
+    workers.end(options.drain_timeout).await;
     Ok(())
 }
 

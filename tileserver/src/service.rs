@@ -1,60 +1,63 @@
 //! What all requests share, and how they find archives.
 
 use std::{
-    sync::{Arc, atomic::AtomicBool},
+    sync::{
+        Arc,
+        atomic::{AtomicBool, AtomicUsize},
+    },
     time::Duration,
 };
 
-use bytes::Bytes;
-use tokio::sync::Semaphore;
-
 use crate::{
-    Collection, Options, StaticFiles,
+    Collection, Options, Site, StaticFiles,
     collection::{Entry, Served},
     failure::Failure,
     metrics::Metrics,
     records::{ReadError, Records, What},
 };
+use bytes::Bytes;
 
 /// What all requests to the server share.
 pub(crate) struct Shared {
     pub(crate) options: Options,
     pub(crate) metrics: Arc<Metrics>,
     pub(crate) records: Arc<Records>,
-    pub(crate) collections: Vec<Arc<Collection>>,
+    /// Collections and their places.
+    pub(crate) collections: Vec<(String, Arc<Collection>)>,
     pub(crate) static_files: StaticFiles,
     /// Requests in progress.
-    pub(crate) requests: Arc<Semaphore>,
+    pub(crate) requests: AtomicUsize,
     /// Whether the end is near.
     pub(crate) draining: AtomicBool,
 }
 
 impl Shared {
-    pub(crate) fn new(
-        options: &Options,
-        collections: Vec<Arc<Collection>>,
-        static_files: StaticFiles,
-    ) -> Self {
+    pub(crate) fn new(site: Site, options: &Options) -> Self {
         let metrics = Arc::new(Metrics::default());
         Self {
             options: *options,
             records: Arc::new(Records::new(options, Arc::clone(&metrics))),
             metrics,
-            collections,
-            static_files,
-            requests: Arc::new(Semaphore::new(options.requests.clamp(1, Semaphore::MAX_PERMITS))),
+            collections: site
+                .collections
+                .into_iter()
+                .map(|(place, collection)| (place, Arc::new(collection)))
+                .collect(),
+            static_files: site.static_files,
+            requests: AtomicUsize::new(0),
             draining: AtomicBool::new(false),
         }
     }
 }
 
-/// What requests to one collection share.
-pub(crate) struct Service {
-    pub(crate) shared: Arc<Shared>,
-    pub(crate) collection: Arc<Collection>,
+/// One collection, and what requests to it need.
+#[derive(Clone, Copy)]
+pub(crate) struct Service<'a> {
+    pub(crate) shared: &'a Shared,
+    pub(crate) collection: &'a Arc<Collection>,
 }
 
-impl Service {
+impl Service<'_> {
     /// Whether answers are for holders of a token only.
     pub(crate) fn private(&self) -> bool {
         !self.collection.tokens.is_empty()

@@ -1,12 +1,15 @@
 /** Why WebGPU cannot be used here; `undefined` if it can. */
 export function missing(): Promise<string | undefined>;
 
+/** Loads the engine, once; viewers do that themselves when they need it. */
+export function preload(): Promise<unknown>;
+
 /** What a lone archive is shown on. */
 export type Shape = "plane" | "sphere" | "cylinder" | "cloth";
 
 /** What `command` takes; the keys of the same name do the same. */
 export type Command =
-  | "toggle-mode" | "reset" | "next-shape" | "brighter" | "darker" | "next-light" | "add-light" | "remove-light"
+  | "toggle-mode" | "reset" | "next-shape" | "next-overlay" | "previous-overlay" | "brighter" | "darker" | "next-light" | "add-light" | "remove-light"
   | "record" | "replay" | "turntable" | "retry";
 
 /** Milliseconds of one frame by phase. */
@@ -56,7 +59,15 @@ export interface Report {
   /** Where the records come from. */
   origin: string;
   connection: { state: "fine" | "waiting" } | { state: "lost"; message: string };
-  materials: { name: string; progress: "unknown" | "known" | "shown" }[];
+  materials: {
+    name: string;
+    state: "unknown" | "loading" | "shown" | "settled" | "failed";
+    failure?: string;
+    wire_bytes: number;
+    pages_resident: number;
+    /** Of its error, the part that is gone; `null` where it is not in view. */
+    progress: number | null;
+  }[];
   problems: string[];
   /** There was a first picture. */
   shown: boolean;
@@ -91,7 +102,7 @@ export interface EigentileViewerEventMap extends HTMLElementEventMap {
   unsupported: CustomEvent<string>;
   /** Something that was set could not be: why. */
   problem: CustomEvent<string>;
-  /** A key that is the page's: `next-overlay`, `panel`, … */
+  /** A key that is the page's: `panel`, `split`, … */
   command: CustomEvent<string>;
 }
 
@@ -102,6 +113,9 @@ export class EigentileViewer extends HTMLElement {
   exposure: number;
   get shape(): Shape | undefined;
   set shape(name: Shape | undefined);
+  /** What lies over the picture: the name of one of `overlays`. */
+  overlay: string;
+  readonly overlays: { name: string; title: string; legend: { label: string; colour: string }[] }[];
   cacheBytes: number;
   readonly settled: boolean;
   readonly problem: string | undefined;

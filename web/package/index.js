@@ -13,12 +13,16 @@ const MOST_SCENE_BYTES = 512 << 20;
 const DEFAULT_CACHE_MIB = 384;
 
 let engine;
-/** The engine, loaded when the first viewer needs it. */
-function load() {
-  engine ??= import("./engine.js").then(async (module) => {
-    await module.default();
+/** Loads the engine, once; viewers do that themselves when they need it. */
+export function preload() {
+  engine ??= (async () => {
+    // Both at once.
+    const code = fetch(new URL("engine_bg.wasm", import.meta.url));
+    code.catch(() => {}); // told below
+    const module = await import("./engine.js");
+    await module.default({ module_or_path: code });
     return module;
-  });
+  })();
   engine.catch(() => { engine = undefined; });
   return engine;
 }
@@ -64,6 +68,7 @@ export class EigentileViewer extends HTMLElement {
   #root = this.attachShadow({ mode: "open", delegatesFocus: true });
   #canvas;
   #session;
+  #module;
   #fetcher;
   /** Which opening is the newest: older ones that come late are thrown away. */
   #turn = 0;
@@ -135,6 +140,16 @@ export class EigentileViewer extends HTMLElement {
   get shape() { return this.#session?.shape; }
   set shape(name) { if (this.#session && name) this.#guard(() => this.#session.set_shape(name)); }
 
+  /** What lies over the picture: a name of `overlays`. */
+  get overlay() { return this.#session?.overlay ?? "none"; }
+  set overlay(name) { if (this.#session) this.#guard(() => this.#session.set_overlay(name)); }
+
+  /** What can lie over the picture: `{ name, title, legend: [{ label, colour }] }` each. */
+  get overlays() {
+    const legend = (name) => pairs(this.#module.legend(name)).map(([label, colour]) => ({ label, colour }));
+    return this.#session ? pairs(this.#module.overlays()).map(([name, title]) => ({ name, title, legend: legend(name) })) : [];
+  }
+
   /** Bytes of the caches on the GPU. */
   get cacheBytes() { return this.#session?.cache_bytes ?? 0; }
   set cacheBytes(bytes) { if (this.#session) this.#guard(() => this.#session.set_cache_bytes(bytes)); }
@@ -187,12 +202,13 @@ export class EigentileViewer extends HTMLElement {
     try {
       const [why, module, scene] = await Promise.all([
         missing(),
-        navigator.gpu ? load() : undefined,
+        navigator.gpu ? preload() : undefined,
         navigator.gpu ? this.#fetchScene() : undefined,
       ]);
       if (!current()) return;
       if (why) { this.#unsupported(why); return; }
       const { url, name, archive, bytes } = scene;
+      this.#module = module;
       const buffers = archive ? [] : await this.#fetchBuffers(module.externals(name, bytes), url, bytes.length);
       if (!current()) return;
       this.#fetcher = new Fetcher();
@@ -211,7 +227,7 @@ export class EigentileViewer extends HTMLElement {
     if (!current()) { session.free(); return; }
     this.#session = session;
     this.#find("[data-do=next-shape]").hidden = session.shape === undefined;
-    this.#fillHelp((await load()).help());
+    this.#fillHelp(pairs(this.#module.help()));
     if (this.hasAttribute("exposure")) this.exposure = Number(this.getAttribute("exposure")) || 0;
     if (this.hasAttribute("shape")) this.shape = this.getAttribute("shape");
     if (this.#pendingLink) this.link = this.#pendingLink;
@@ -312,7 +328,7 @@ export class EigentileViewer extends HTMLElement {
   #connected(connection) {
     if (connection === 2) {
       const { message } = JSON.parse(this.#session.report()).connection;
-      this.#notice(`The server cannot be reached; what is here stays. ${message ?? ""}`);
+      this.#notice(`Not all can be loaded; what is here stays. ${message ?? ""}`);
       this.#emit("connectionlost");
     } else if (connection === 0) {
       this.#notice();
@@ -430,13 +446,13 @@ export class EigentileViewer extends HTMLElement {
   #fillHelp(help) {
     const body = this.#find("tbody");
     if (body.rows.length) return;
-    for (let at = 0; at + 1 < help.length; at += 2) {
+    for (const [keys, does] of help) {
       const row = body.insertRow();
       const head = document.createElement("th");
       head.scope = "row";
-      head.textContent = help[at];
+      head.textContent = keys;
       row.append(head);
-      row.insertCell().textContent = help[at + 1];
+      row.insertCell().textContent = does;
     }
   }
 
@@ -491,6 +507,9 @@ async function fetchBytes(url, most) {
   if (Number(response.headers.get("content-length")) > most) throw new Error(`${url} has more than ${most} bytes`);
   return new Uint8Array(await response.arrayBuffer());
 }
+
+/** A list of two things in turns, as pairs. */
+const pairs = (list) => Array.from({ length: list.length / 2 }, (_, at) => [list[2 * at], list[2 * at + 1]]);
 
 const megabytes = (bytes) => `${(bytes / 1e6).toFixed(bytes < 1e7 ? 2 : 0)} MB`;
 

@@ -3,7 +3,7 @@
 export const style = new CSSStyleSheet();
 
 style.replaceSync(`
-:host { display: block; position: relative; overflow: hidden; min-height: 12rem; background: #111; color: #eee;
+:host { display: block; container-type: inline-size; position: relative; overflow: hidden; min-height: 12rem; background: #111; color: #eee;
   font: 0.875rem/1.4 system-ui, sans-serif; }
 :host([hidden]) { display: none; }
 canvas, .poster { position: absolute; inset: 0; width: 100%; height: 100%; }
@@ -32,5 +32,6 @@ button[aria-pressed=true] { background: #ffe08a; color: #111; }
 dialog { color: #eee; background: #222; border: 1px solid #888; border-radius: 0.5rem; max-height: 80%; }
 dialog::backdrop { background: #0008; }
 th { text-align: start; font-weight: 600; padding: 0.15rem 1rem 0.15rem 0; vertical-align: top; }
+@container (max-width: 15rem) { .toolbar { display: none; } }
 @media (prefers-reduced-motion: reduce) { :host * { transition: none !important; } }
 `);

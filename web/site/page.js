@@ -4,13 +4,15 @@
 
 import { fetchCollection } from "./collection.js";
 import { connect } from "./panel.js";
-import { missing } from "./eigentile-viewer/index.js";
+import { missing, preload } from "./eigentile-viewer/index.js";
 
 const find = (id) => document.getElementById(id);
 const query = new URLSearchParams(location.search);
 
 let collection = { archives: [], scenes: [] };
 let shown;
+/** Why there is no WebGPU, if there is none. */
+let unsupported;
 
 navigator.serviceWorker?.register("sw.js").catch(() => {}); // without one nothing is kept
 
@@ -20,7 +22,7 @@ start();
 
 async function start() {
   // Beside the catalogue, so that nothing waits for it.
-  import("./eigentile-viewer/engine.js").catch(() => {});
+  if (navigator.gpu) preload().catch(() => {});
   if (!query.get("src")) {
     try {
       collection = await fetchCollection();
@@ -31,8 +33,8 @@ async function start() {
   }
   list();
   route();
-  const why = await missing();
-  if (why && !shown) say(why);
+  unsupported = await missing();
+  if (unsupported && !shown) say(unsupported);
 }
 
 function say(text) { find("message").textContent = text; }
@@ -66,6 +68,7 @@ function route() {
     shown = undefined;
     title("Materials");
     if (name) say(`There is no ${name} in this collection.`);
+    else if (unsupported) say(unsupported);
     return;
   }
   if (shown?.key === entry.key) {

@@ -14,6 +14,7 @@ export function connect(viewer) {
   settings.onsubmit = (event) => event.preventDefault();
   find("exposure").oninput = (event) => { viewer.exposure = Number(event.target.value); showExposure(viewer); };
   find("shape").onchange = (event) => { viewer.shape = event.target.value; };
+  find("overlay").onchange = (event) => { viewer.overlay = event.target.value; showOverlay(viewer); };
   find("cache").oninput = (event) => { viewer.cacheBytes = 2 ** Number(event.target.value) * 2 ** 20; showCache(viewer); };
   settings.onclick = (event) => {
     const name = event.target.closest("[data-do]")?.dataset.do;
@@ -33,6 +34,7 @@ export function connect(viewer) {
     showCache(viewer);
     find("shape-row").hidden = viewer.shape === undefined;
     if (viewer.shape) find("shape").value = viewer.shape;
+    showOverlay(viewer);
   };
   viewer.addEventListener("open", showSettings);
   viewer.addEventListener("linkchange", showSettings);
@@ -47,6 +49,23 @@ export function connect(viewer) {
 function showExposure(viewer) {
   find("exposure").value = viewer.exposure;
   find("exposure-text").textContent = `${viewer.exposure.toFixed(1)} stops`;
+}
+
+function showOverlay(viewer) {
+  const overlays = viewer.overlays;
+  const select = find("overlay");
+  find("overlay-row").hidden = overlays.length === 0;
+  if (select.options.length !== overlays.length) {
+    select.replaceChildren(...overlays.map(({ name, title }) => new Option(title || name, name)));
+  }
+  select.value = viewer.overlay;
+  const legend = overlays.find(({ name }) => name === viewer.overlay)?.legend ?? [];
+  find("legend").replaceChildren(...legend.map(({ label, colour }) => {
+    const [item, mark] = [document.createElement("li"), document.createElement("i")];
+    mark.style.background = colour;
+    item.append(mark, label);
+    return item;
+  }));
 }
 
 function showCache(viewer) {
@@ -82,10 +101,10 @@ function showFigures(report, course) {
     return [term, data];
   });
   list.replaceChildren(...texts);
-  const states = { unknown: "loading", known: "loading", shown: "shown" };
-  find("materials").replaceChildren(...report.materials.map(({ name, progress }) => {
+  find("materials").replaceChildren(...report.materials.map(({ name, state, progress, wire_bytes: bytes, failure }) => {
     const item = document.createElement("li");
-    item.textContent = `${name}: ${states[progress] ?? progress}`;
+    const share = progress === null ? "" : ` ${Math.floor(progress * 100)} %,`;
+    item.textContent = `${name}: ${state},${share} ${size(bytes)}${failure ? `: ${failure}` : ""}`;
     return item;
   }));
   if (find("json").closest("details").open) find("json").textContent = JSON.stringify(report, null, 1);

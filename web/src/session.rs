@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use engine::{
+    Overlay,
     frame::{Budgets, Options},
     gpu::{Area, Context},
     stream::{RangeSource, RetriedSource, RetryOptions},
@@ -48,7 +49,30 @@ pub fn externals(name: &str, bytes: &[u8]) -> Result<Vec<String>, JsError> {
 #[wasm_bindgen]
 pub fn help() -> Vec<String> {
     let pairs = keys::HELP.iter();
-    pairs.flat_map(|(key, does)| [(*key).into(), (*does).into()]).collect()
+    pairs
+        .flat_map(|(key, does)| [(*key).into(), (*does).into()])
+        .collect()
+}
+
+/// Names of what can lie over the picture, and what they say in words, in turns.
+#[wasm_bindgen]
+pub fn overlays() -> Vec<String> {
+    let pairs = Overlay::ALL.iter();
+    pairs
+        .flat_map(|overlay| [overlay.name().into(), overlay.title().into()])
+        .collect()
+}
+
+/// Labels and colours (`#rrggbb`) of an overlay's legend, in turns; none for an unknown name.
+#[wasm_bindgen]
+pub fn legend(overlay: &str) -> Vec<String> {
+    let legend = Overlay::from_name(overlay)
+        .map(Overlay::legend)
+        .unwrap_or_default();
+    let pairs = legend.into_iter();
+    pairs
+        .flat_map(|(label, [r, g, b])| [label, format!("#{r:02x}{g:02x}{b:02x}")])
+        .collect()
 }
 
 /// Where the records come from, and what may be used.
@@ -195,7 +219,7 @@ impl Session {
     /// # Errors
     /// If the device fails.
     pub fn present(&mut self) -> Result<(), JsError> {
-        use wgpu::CurrentSurfaceTexture::{Success, Suboptimal};
+        use wgpu::CurrentSurfaceTexture::{Suboptimal, Success};
         let (Success(texture) | Suboptimal(texture)) = self.surface.get_current_texture() else {
             return Ok(()); // the next frame has one
         };
@@ -372,6 +396,22 @@ impl Session {
         let shape = scenes::lone::Shape::named(name)
             .ok_or_else(|| JsError::new(&format!("no shape {name:?}: plane, sphere, cylinder or cloth")))?;
         Ok(self.viewer.set_shape(shape)?)
+    }
+
+    /// What lies over the picture.
+    #[wasm_bindgen(getter)]
+    pub fn overlay(&self) -> String {
+        self.viewer.engine().overlay().name().to_owned()
+    }
+
+    /// Lays what is known of pages over the picture, by a name of [`overlays`].
+    ///
+    /// # Errors
+    /// For another name, or if the device fails.
+    pub fn set_overlay(&mut self, name: &str) -> Result<(), JsError> {
+        let overlay =
+            Overlay::from_name(name).ok_or_else(|| JsError::new(&format!("no overlay {name:?}")))?;
+        Ok(self.viewer.engine_mut().set_overlay(overlay)?)
     }
 
     /// Bytes of both caches on the GPU.

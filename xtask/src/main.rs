@@ -1,5 +1,6 @@
 //! Set-up, demo and tests of the whole workspace: `cargo xtask setup|demo|test|web|fuzz`.
 
+mod browser;
 mod fuzz;
 mod setup;
 mod steps;
@@ -13,16 +14,17 @@ use steps::{Steps, cargo};
 const HELP: &str = "\
 Usage: cargo xtask COMMAND
 
-  setup        make sure that a Vulkan adapter can be found: installs Mesa's software one on Debian as root,
-               says what to install elsewhere
-  demo [ARGS]  set up, build, and run `eigentile demo ARGS`
-  test         set up; formatting, clippy, all tests, documentation; warnings are errors
+  setup        make sure that a Vulkan adapter can be found, and what tests need: installs Mesa's software adapter, Chromium
+               and the rest on Debian as root, says what to install elsewhere
+  demo [ARGS]  set up, build, and run `eigentile demo ARGS`; with --serve the viewer can then be opened in a browser
+  test         set up; formatting, clippy, all tests, documentation, the viewer in Chromium; warnings are errors
   web          build the viewer for browsers: module, page and npm package, in web/dist
   fuzz [SECONDS]
                run every fuzz target for so long (60), with a C++ compiler; what they find is kept in target/fuzz
 
 Examples:
   cargo xtask demo -o /tmp/demo
+  cargo xtask demo --serve
   cargo xtask test";
 
 fn main() -> ExitCode {
@@ -42,9 +44,15 @@ fn run(arguments: &[String]) -> Result<()> {
         .split_first()
         .map(|(command, rest)| (command.as_str(), rest))
     {
-        Some(("setup", [])) => steps.run("setup", setup::setup)?,
+        Some(("setup", [])) => {
+            steps.run("setup", setup::setup)?;
+            steps.run("browser setup", browser::setup)?;
+        }
         Some(("demo", rest)) => {
             steps.run("setup", setup::setup)?;
+            if let Err(error) = steps.run("web", web::build) {
+                eprintln!("note: there will be no viewer for browsers: {error:#}");
+            }
             let program = ["--release", "--package", "cli", "--bin", "eigentile"];
             steps.run("build", || cargo(&["build"]).args(program).run())?;
             steps.run("demo", || {
@@ -57,7 +65,10 @@ fn run(arguments: &[String]) -> Result<()> {
         }
         Some(("test", [])) => {
             steps.run("setup", setup::setup)?;
+            steps.run("browser setup", browser::setup)?;
             steps.run("fmt", || cargo(&["fmt", "--all", "--check"]).run())?;
+            // Before anything that takes it in.
+            steps.run("web", web::build)?;
             let lints = ["--workspace", "--all-targets", "--", "-D", "warnings"];
             steps.run("clippy", || cargo(&["clippy"]).args(lints).run())?;
             // Mesa's device selection otherwise complains on machines without a desktop session.
@@ -71,6 +82,7 @@ fn run(arguments: &[String]) -> Result<()> {
                     .env("RUSTDOCFLAGS", "-D warnings")
                     .run()
             })?;
+            steps.run("browser", browser::test)?;
         }
         Some(("web", [])) => steps.run("web", web::build)?,
         Some(("fuzz", rest @ ([] | [_]))) => {

@@ -178,7 +178,7 @@ fn has_json(folder: &Path) -> bool {
     })
 }
 
-fn found_on_path(program: &str) -> bool {
+pub(crate) fn found_on_path(program: &str) -> bool {
     let path = std::env::var_os("PATH").unwrap_or_default();
     std::env::split_paths(&path).any(|folder| folder.join(program).is_file())
 }

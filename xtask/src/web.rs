@@ -18,10 +18,18 @@ const PACKAGES: [&str; 4] = ["rustc-web", "cargo-web", "rust-web-src", "lld-22"]
 
 /// Builds `web/dist`.
 pub(crate) fn build() -> Result<()> {
-    let workspace = Path::new(env!("CARGO_MANIFEST_DIR")).with_file_name("");
+    let workspace = workspace();
     // Beside the target folder of everything else, whose locks it would wait for and whose artefacts are another compiler's.
-    let target = target_folder(&workspace).join("web");
-    let library = ["build", "--locked", "--package", "web", "--lib", "--profile", "web"];
+    let target = target_folder().join("web");
+    let library = [
+        "build",
+        "--locked",
+        "--package",
+        "web",
+        "--lib",
+        "--profile",
+        "web",
+    ];
     let program = if has_target() {
         cargo(&library)
     } else {
@@ -41,12 +49,22 @@ pub(crate) fn build() -> Result<()> {
     let web = workspace.join("web");
     cargo_of(&web.join("pack/Cargo.toml"), &["run", "--quiet", "--locked"])
         .args(["--target-dir".as_ref(), target.join("pack").as_os_str()])
-        .args(["--".as_ref(), module.as_os_str(), web.as_os_str(), web.join("dist").as_os_str()])
+        .args([
+            "--".as_ref(),
+            module.as_os_str(),
+            web.as_os_str(),
+            web.join("dist").as_os_str(),
+        ])
         .run()
 }
 
-fn target_folder(workspace: &Path) -> PathBuf {
-    std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| workspace.join("target"), PathBuf::from)
+pub(crate) fn workspace() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).with_file_name("")
+}
+
+/// Where cargo builds.
+pub(crate) fn target_folder() -> PathBuf {
+    std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| workspace().join("target"), PathBuf::from)
 }
 
 /// Flags that make paths the same on every machine.
@@ -66,7 +84,9 @@ fn has_target() -> bool {
             .args(["--print", "target-libdir", "--target", TARGET])
             .stderr(Stdio::null())
             .output();
-        let path = output.ok().and_then(|output| String::from_utf8(output.stdout).ok());
+        let path = output
+            .ok()
+            .and_then(|output| String::from_utf8(output.stdout).ok());
         path.is_some_and(|path| Path::new(path.trim()).is_dir())
     };
     if library() {
@@ -83,9 +103,7 @@ fn debian_compiler() -> Result<OsString> {
     }
     let command = format!("apt-get install -y {}", PACKAGES.join(" "));
     if !is_debian_root() {
-        bail!(
-            "no compiler for {TARGET}: run `rustup target add {TARGET}`, or on Debian as root `{command}`"
-        );
+        bail!("no compiler for {TARGET}: run `rustup target add {TARGET}`, or on Debian as root `{command}`");
     }
     apt_install(&PACKAGES)?;
     find_debian_compiler().with_context(|| format!("`{command}` was run, and there is still no rustc-web"))

@@ -16,7 +16,7 @@ use engine::stream::OpenOptions;
 use scenes::showcase;
 
 use crate::render::{self, Ledgers, reference};
-use crate::{file, preprocess};
+use crate::{file, preprocess, serve};
 use materials::Recipe;
 use report::{Flight, Report};
 use server::Server;
@@ -44,6 +44,9 @@ pub(crate) struct Arguments {
     /// Prints the report as JSON, and no progress.
     #[arg(long)]
     json: bool,
+    /// Serves the materials, the scene and the viewer for browsers in the end, until interrupted.
+    #[arg(long)]
+    serve: bool,
 }
 
 const EXAMPLES: &str = "\
@@ -51,6 +54,7 @@ Examples:
   eigentile demo
   eigentile demo -o /tmp/demo --size 1280x720
   eigentile demo --material-size 256 --json
+  eigentile demo --serve
 
 Look at index.html in the folder. What is complete there is used again; remove the folder to start anew.";
 
@@ -92,6 +96,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         .collect::<Result<_>>()?;
 
     let (scene_path, camera_path) = showcase::save(folder)?;
+    // Beside the archives, where the tile server finds it.
+    let tiles = folder.join("tiles");
+    showcase::save(&tiles)?;
     let scene = scenes::gltf::load(&scene_path)?;
     let path = scenes::CameraPath::load(&camera_path)?;
     let server = Server::start(&folder.join("tiles"))?;
@@ -143,6 +150,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let flight_size = (arguments.size.0 / 3 * 2, arguments.size.1 / 3 * 2);
     let frames = studio.flight(&path, arguments.frames, flight_size, flight_bytes)?;
     let flight = Flight::new(frames, flight_bytes, flight_start.elapsed());
+    studio.thumbnails(&tiles)?;
     server.stop()?;
 
     let report = Report {
@@ -162,15 +170,31 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     file::write(&folder.join("report.md"), report.markdown().as_bytes())?;
     file::write(&folder.join("index.html"), page::html(&report).as_bytes())?;
     if arguments.json {
-        return file::print_json(&report);
+        file::print_json(&report)?;
+    } else {
+        use std::io::Write;
+        let mut text = format!(
+            "{}\nLook at {}\n",
+            report.markdown(),
+            folder.join("index.html").display()
+        );
+        if !arguments.serve {
+            text += &format!(
+                "In a browser: `eigentile serve {}`, then http://127.0.0.1:8080/#scene/scene\n",
+                tiles.display()
+            );
+        }
+        std::io::stdout().lock().write_all(text.as_bytes())?;
     }
-    use std::io::Write;
-    let table = format!(
-        "{}\nLook at {}\n",
-        report.markdown(),
-        folder.join("index.html").display()
-    );
-    Ok(std::io::stdout().lock().write_all(table.as_bytes())?)
+    if arguments.serve {
+        say(
+            quiet,
+            start,
+            "open the address below in a browser; its #scene/scene is the scene",
+        );
+        return serve::folder(&tiles);
+    }
+    Ok(())
 }
 
 fn say(quiet: bool, start: Instant, what: &str) {

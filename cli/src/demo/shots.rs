@@ -10,6 +10,7 @@ use engine::frame::{Engine, FrameStats};
 use engine::gpu::Context;
 use engine::metrics::{Comparison, compare};
 use engine::stream::{Answer, HttpOptions, HttpSource, Network, NetworkSource, Request, Ticket, TileSource};
+use scenes::lone::Shape;
 use scenes::{Camera, CameraPath, Scene};
 use serde::Serialize;
 
@@ -24,6 +25,9 @@ const SHARES: [u32; 4] = [1, 5, 25, 100];
 const STEPS: u64 = 4;
 /// Longest time for one refinement.
 const PATIENCE: Duration = Duration::from_secs(600);
+/// Pixels of thumbnails, and what may be used for them.
+const THUMBNAIL: (u32, u32) = (240, 180);
+const THUMBNAIL_CACHE_BYTES: u64 = 64 << 20;
 /// How long to let the network work when a frame brought nothing.
 const PAUSE: Duration = Duration::from_millis(20);
 
@@ -75,6 +79,26 @@ impl Studio<'_> {
 
     pub(crate) fn http(&self) -> Result<HttpSource> {
         Ok(HttpSource::new(self.address, &HttpOptions::default())?)
+    }
+
+    /// Small pictures of the scene and of each archive on a ball, for the tile server's list.
+    pub(crate) fn thumbnails(&self, tiles: &Path) -> Result<()> {
+        let lone = |name: &str| scenes::lone::lone(name, Shape::Sphere);
+        let archives = self.scene.archives();
+        let subjects = archives.iter().map(|name| (*name, lone(name)));
+        for (name, scene) in subjects.chain([("scene", self.scene.clone())]) {
+            let camera = *scene.cameras.first().context("the scene has no camera")?;
+            let options = budgeted(THUMBNAIL, THUMBNAIL_CACHE_BYTES);
+            let mut engine = Engine::new(self.context.clone(), &scene, Box::new(self.http()?), options)?;
+            engine.wait_for_materials(PATIENCE)?;
+            settle(&mut engine, &camera)?;
+            write_png(
+                &tiles.join(format!("{name}.png")),
+                THUMBNAIL,
+                &engine.tonemapped()?,
+            )?;
+        }
+        Ok(())
     }
 
     /// Settles with a cache of this size.

@@ -5,7 +5,7 @@ mod viewer;
 
 use std::io::{IsTerminal, Write};
 use std::net::SocketAddr;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use clap::Args;
@@ -121,6 +121,24 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         }
         tileserver::run(listener, site, settings.options(), interrupted()).await?;
         Ok(())
+    })
+}
+
+/// Serves a folder and the viewer, at the usual address or, if that is taken, on a free port, until interrupted.
+pub(crate) fn folder(folder: &Path) -> Result<()> {
+    let source = folder
+        .to_str()
+        .context("the folder has a name that is not UTF-8")?;
+    let free = SocketAddr::new(DEFAULT_LISTEN.ip(), 0);
+    let taken = std::net::TcpListener::bind(DEFAULT_LISTEN).is_err();
+    run(&Arguments {
+        source: Some(source.to_owned()),
+        config: None,
+        settings: Settings {
+            listen: Some(if taken { free } else { DEFAULT_LISTEN }),
+            ..Settings::default()
+        },
+        json: false,
     })
 }
 

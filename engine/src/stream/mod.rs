@@ -56,9 +56,9 @@ mod transport;
 
 #[cfg(not(target_arch = "wasm32"))]
 pub use background::BackgroundSource;
+pub use directories::parse_shared;
 #[cfg(not(target_arch = "wasm32"))]
 pub use disk::{DiskCacheOptions, DiskCachedSource};
-pub use directories::parse_shared;
 pub use faulty::{Faults, FaultySource};
 #[cfg(not(target_arch = "wasm32"))]
 pub use folder::FolderSource;

@@ -119,12 +119,21 @@ fn check(scene: &Scene) {
 #[test]
 fn files_in_memory_are_read_as_those_on_disk() {
     let text = document().to_string();
-    assert_eq!(externals("scene.gltf", text.as_bytes()).unwrap(), ["tri%61ngle.bin"]);
+    assert_eq!(
+        externals("scene.gltf", text.as_bytes()).unwrap(),
+        ["tri%61ngle.bin"]
+    );
     check(&parse("scene.gltf", text.as_bytes(), vec![bytes()]).unwrap().scene);
     let message = |result: Result<Loaded, Error>| result.unwrap_err().to_string();
     assert!(message(parse("scene.gltf", text.as_bytes(), vec![])).contains("was not loaded"));
     assert!(message(parse("a.gltf", text.as_bytes(), vec![vec![0; 50]])).contains("cut short"));
-    for uri in ["../up.bin", "/etc/passwd", "http://elsewhere/x.bin", "a/../../b.bin", "%2e%2e/b"] {
+    for uri in [
+        "../up.bin",
+        "/etc/passwd",
+        "http://elsewhere/x.bin",
+        "a/../../b.bin",
+        "%2e%2e/b",
+    ] {
         let mut document = document();
         document["buffers"][0]["uri"] = uri.into();
         let text = document.to_string();

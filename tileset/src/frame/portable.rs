@@ -93,7 +93,10 @@ mod tests {
                     vec![7; length],
                     text.take(length).copied().collect(),
                     noise[..length].to_vec(),
-                    noise[..length].iter().map(|byte| (byte & byte >> 3) & 15).collect(),
+                    noise[..length]
+                        .iter()
+                        .map(|byte| (byte & byte >> 3) & 15)
+                        .collect(),
                 ]
             })
     }

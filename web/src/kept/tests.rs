@@ -100,7 +100,9 @@ fn archive(seed: u8) -> Vec<u8> {
     let pyramid = manifest.pyramid().unwrap();
     let mut writer = ArchiveWriter::new(manifest).unwrap();
     for group in 0..2 {
-        writer.add_column(group, vec![seed + group as u8; 30], 1.0).unwrap();
+        writer
+            .add_column(group, vec![seed + group as u8; 30], 1.0)
+            .unwrap();
         for (at, tile) in pyramid.tiles().enumerate() {
             let record = vec![seed; if at % 5 == 4 { 0 } else { 100 + at }];
             writer.add_page(PageId { group, tile }, record, 1.0).unwrap();
@@ -166,7 +168,11 @@ fn what_came_once_needs_no_host() {
     assert_eq!(second.stats().from_disk, stored.count() as u64);
     assert_eq!(second.stats().offline, 0);
     // And without a host all that is stored is there. Empty records, which are not, cost nobody a picture.
-    shelf.0.borrow_mut().kept.retain(|key, _| !key.starts_with("index"));
+    shelf
+        .0
+        .borrow_mut()
+        .kept
+        .retain(|key, _| !key.starts_with("index"));
     let index = plain[0].clone().unwrap();
     shelf.clone().put("index this program cloth", &index);
     let gone = Gone {
