@@ -1,4 +1,4 @@
-//! `eigentile`: synthesize, factorize, inspect, export, serve and render measured materials.
+//! `eigentile`: synthesize, factorize, inspect, export, serve, render and view measured materials.
 //!
 //! Each command is one file; this one only chooses between them and says, in one line, what went wrong.
 
@@ -18,6 +18,7 @@ mod render;
 mod scene;
 mod serve;
 mod synth;
+mod view;
 
 use std::process::ExitCode;
 
@@ -38,6 +39,7 @@ From nothing to a picture:
   eigentile inspect tiles/leather.bsvtf
   eigentile serve tiles &
   eigentile render scene.gltf --tiles http://127.0.0.1:8080 -o pictures
+  eigentile view tiles/leather.bsvtf
 
 All of it at once, with a scene, a report and a page to look at:
   eigentile demo -o demo";
@@ -51,6 +53,7 @@ enum Command {
     Export(export::Arguments),
     Serve(serve::Arguments),
     Render(render::Arguments),
+    View(view::Arguments),
     Scene(scene::Arguments),
     Demo(demo::Arguments),
     Bench(bench::Arguments),
@@ -78,6 +81,7 @@ fn main() -> ExitCode {
         Command::Export(arguments) => export::run(&arguments),
         Command::Serve(arguments) => serve::run(&arguments),
         Command::Render(arguments) => render::run(&arguments),
+        Command::View(arguments) => view::run(&arguments),
         Command::Scene(arguments) => scene::run(&arguments),
         Command::Demo(arguments) => demo::run(&arguments),
         Command::Bench(arguments) => bench::run(&arguments),

@@ -150,6 +150,7 @@ pub const HELP: &[(&str, &str)] = &[
     ("P", "panel"),
     ("F5", "ask the server again"),
     ("?, H, F1", "these keys"),
+    ("Ctrl+Q", "close the window"),
 ];
 
 #[cfg(test)]

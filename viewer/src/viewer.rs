@@ -225,7 +225,7 @@ impl Viewer {
             .update(&stats, &self.report.counters, &self.report.source);
         self.report.connection = connection.clone();
         self.report.materials = self.engine.materials().into_iter().map(Into::into).collect();
-        self.follow_quality(&stats)?;
+        self.follow_quality(&stats);
         Ok(&self.report)
     }
 
@@ -298,7 +298,9 @@ impl Viewer {
         }
         if let Some(camera) = scene.cameras.first() {
             self.home.0 = *camera;
+            let mode = self.controls.mode();
             self.controls = Controls::new(camera, scene.bounds());
+            self.controls.set_mode(mode);
             self.controls.set_height(self.engine.size().1);
         }
         Ok(())

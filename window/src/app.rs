@@ -20,7 +20,7 @@ use crate::{
     Show,
     events::{Teller, Translator},
     panel::{Action, Panel},
-    shots,
+    shots::{self, Video},
     surface::{Painted, Surface},
 };
 
@@ -49,6 +49,8 @@ struct Open {
     /// Of the window, that the picture takes.
     area: Area,
     last: Instant,
+    /// A video that is being written.
+    video: Option<Video>,
 }
 
 impl App {
@@ -151,6 +153,7 @@ impl Open {
             teller: Teller::new(show.events),
             translator: Translator::default(),
             last: Instant::now(),
+            video: None,
             window,
             surface,
             viewer,
@@ -165,6 +168,11 @@ impl Open {
             WindowEvent::Resized(size) => self.surface.resize((size.width, size.height))?,
             _ => {}
         }
+        if self.translator.quits(event) {
+            self.teller.tell("closed", &json!(null));
+            event_loop.exit();
+            return Ok(());
+        }
         let response = self.egui.on_window_event(&self.window, event);
         if response.repaint {
             self.window.request_redraw();
@@ -175,7 +183,13 @@ impl Open {
         let mut code = String::new();
         if let Some(input) = self.translator.input(event, self.area, &mut code)
             && (!response.consumed || released)
-            && !matches!(event, WindowEvent::KeyboardInput { is_synthetic: true, .. })
+            && !matches!(
+                event,
+                WindowEvent::KeyboardInput {
+                    is_synthetic: true,
+                    ..
+                }
+            )
         {
             if let Some(command) = self.viewer.input(input)? {
                 self.command(command)?;
@@ -191,7 +205,10 @@ impl Open {
         match command {
             Command::Panel => self.panel.open = !self.panel.open,
             Command::Help => self.panel.help = !self.panel.help,
-            Command::Escape => self.panel.help = false,
+            Command::Escape => {
+                self.panel.help = false;
+                self.video = None;
+            }
             Command::Split => self.split()?,
             Command::Screenshot => self.shoot(shots::png),
             Command::Radiance => self.shoot(shots::exr),
@@ -214,7 +231,8 @@ impl Open {
 
     /// Writes files; what goes wrong with them does not end the window.
     fn shoot(&mut self, shot: fn(&mut Viewer, &Show) -> Result<String>) {
-        let said = shot(&mut self.viewer, &self.show).unwrap_or_else(|error| format!("Not written: {error:#}"));
+        let said =
+            shot(&mut self.viewer, &self.show).unwrap_or_else(|error| format!("Not written: {error:#}"));
         self.teller.tell("written", &json!(said));
         self.panel.say(said);
     }
@@ -230,7 +248,8 @@ impl Open {
             actions.clear();
             picture = self.panel.show(ui, &mut self.viewer, &mut actions);
         });
-        self.egui.handle_platform_output(&self.window, output.platform_output);
+        self.egui
+            .handle_platform_output(&self.window, output.platform_output);
         let pixels_per_point = output.pixels_per_point;
         let painted = Painted {
             primitives: context.tessellate(output.shapes, pixels_per_point),
@@ -243,8 +262,13 @@ impl Open {
 
         self.area = area(picture, pixels_per_point, self.surface.size());
         let scale = |side: u32| ((side as f32 * self.panel.resolution) as u32).max(1);
-        self.viewer.resize((scale(self.area.width), scale(self.area.height)))?;
+        self.viewer
+            .resize((scale(self.area.width), scale(self.area.height)))?;
+        if let Some(camera) = self.video.as_ref().and_then(Video::camera) {
+            self.viewer.controls_mut().set_camera(camera);
+        }
         self.viewer.frame(seconds)?;
+        self.write_video();
         let on_screen = self
             .surface
             .show(&mut self.viewer, self.area, self.panel.split, &painted)?;
@@ -266,6 +290,23 @@ impl Open {
         Ok(())
     }
 
+    fn write_video(&mut self) {
+        let Some(video) = &mut self.video else { return };
+        match video.follow(&self.viewer, &self.show) {
+            Ok(said) => {
+                if video.camera().is_none() {
+                    self.video = None;
+                    self.teller.tell("written", &json!(said));
+                }
+                self.panel.say(said);
+            }
+            Err(error) => {
+                self.video = None;
+                self.panel.say(format!("Not written: {error:#}"));
+            }
+        }
+    }
+
     fn act(&mut self, action: Action) -> Result<()> {
         match action {
             Action::Command(command) => {
@@ -273,10 +314,10 @@ impl Open {
                     self.command(command)?;
                 }
             }
-            Action::Turntable(frames) => {
-                let shot = shots::turntable(&mut self.viewer, &self.show, frames);
-                self.panel.say(shot.unwrap_or_else(|error| format!("Not written: {error:#}")));
-            }
+            Action::Turntable(frames) => match Video::new(&self.viewer, &self.show, frames) {
+                Ok(video) => self.video = Some(video),
+                Err(error) => self.panel.say(format!("Not written: {error:#}")),
+            },
             Action::SavePath => self.shoot(shots::path),
         }
         Ok(())
@@ -284,10 +325,9 @@ impl Open {
 
     /// Whether the next frame will differ from this one.
     fn moving(&self) -> bool {
-        let settled = |report: &engine::frame::FrameStats| report.settled && !report.drawn;
-        let beside = self.viewer.reference().is_some() && !self.viewer.reference_settled();
-        !settled(&self.viewer.report().frame)
-            || beside
+        !self.viewer.report().frame.settled
+            || self.viewer.reference().is_some_and(|(_, stats)| !stats.settled)
+            || self.video.is_some()
             || self.viewer.replaying().is_some()
             || self.viewer.recording().is_some()
     }

@@ -30,7 +30,11 @@ pub(crate) fn chart(ui: &mut Ui, title: &str, lines: &[Line<'_>], format: impl F
         ui.strong(title);
         for line in lines {
             let last = line.values.last().copied().unwrap_or(0.0);
-            let name = if line.name.is_empty() { String::new() } else { format!("{} ", line.name) };
+            let name = if line.name.is_empty() {
+                String::new()
+            } else {
+                format!("{} ", line.name)
+            };
             ui.colored_label(line.color, format!("{name}{}", format(last)));
         }
     });
@@ -67,10 +71,15 @@ pub(crate) fn chart(ui: &mut Ui, title: &str, lines: &[Line<'_>], format: impl F
 fn points(values: &[f64], most: f64, rect: Rect) -> Vec<Pos2> {
     let steps = values.len().saturating_sub(1).max(1) as f32;
     let height = |value: f64| {
-        let share = if most > 0.0 && value.is_finite() { value / most } else { 0.0 };
+        let share = if most > 0.0 && value.is_finite() {
+            value / most
+        } else {
+            0.0
+        };
         rect.bottom() - rect.height() * share.clamp(0.0, 1.0) as f32
     };
-    let point = |(at, value): (usize, &f64)| pos2(rect.left() + rect.width() * at as f32 / steps, height(*value));
+    let point =
+        |(at, value): (usize, &f64)| pos2(rect.left() + rect.width() * at as f32 / steps, height(*value));
     values.iter().enumerate().map(point).collect()
 }
 

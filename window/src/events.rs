@@ -25,6 +25,19 @@ pub(crate) struct Translator {
 }
 
 impl Translator {
+    /// Whether it is the key that closes windows: Ctrl+Q or Ctrl+W, on a Mac with the command key.
+    pub(crate) fn quits(&self, event: &WindowEvent) -> bool {
+        let held = self.modifiers.control_key() || self.modifiers.super_key();
+        let WindowEvent::KeyboardInput { event, .. } = event else {
+            return false;
+        };
+        let key = event.physical_key;
+        let quits = [KeyCode::KeyQ, KeyCode::KeyW]
+            .map(PhysicalKey::Code)
+            .contains(&key);
+        held && quits && event.state == ElementState::Pressed
+    }
+
     /// What an event means, if anything, for a picture in this area of the window; its keys' codes go through `code`.
     pub(crate) fn input<'a>(
         &mut self,
@@ -133,7 +146,10 @@ impl Teller {
             self.tell("opened", &json!({ "width": size.0, "height": size.1 }));
         }
         if report.shown && !std::mem::replace(&mut self.shown, true) {
-            self.tell("first_picture", &json!({ "wire_bytes": report.frame.wire_bytes_total }));
+            self.tell(
+                "first_picture",
+                &json!({ "wire_bytes": report.frame.wire_bytes_total }),
+            );
         }
         if std::mem::replace(&mut self.settled, report.frame.settled) != report.frame.settled
             && report.frame.settled

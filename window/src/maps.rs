@@ -1,6 +1,6 @@
 //! Maps of the page cache, slot by slot, and of a material's page tree, tile by tile.
 
-use egui::{Color32, Rect, Response, Sense, Ui, Vec2, pos2};
+use egui::{Color32, Rect, Response, Sense, Ui, Vec2};
 use engine::{
     Overlay,
     frame::{CacheMap, PageTree},
@@ -25,7 +25,12 @@ pub(crate) enum CacheColor {
 /// The page cache: a cell a slot, in the order of the slots.
 pub(crate) fn cache(ui: &mut Ui, viewer: &Viewer, color: CacheColor) {
     let map: CacheMap = viewer.engine().cache_map();
-    let names: Vec<_> = viewer.report().materials.iter().map(|known| known.name.as_str()).collect();
+    let names: Vec<_> = viewer
+        .report()
+        .materials
+        .iter()
+        .map(|known| known.name.as_str())
+        .collect();
     let free = ui.visuals().extreme_bg_color;
     let taken = map.pages.iter().flatten().count();
     ui.label(format!("{taken} of {} page slots", map.pages.len()));
@@ -162,22 +167,22 @@ fn rgb([r, g, b]: [u8; 3]) -> Color32 {
     Color32::from_rgb(r, g, b)
 }
 
-/// A corner, for tests.
-#[cfg(test)]
-fn cells_of(count: usize, width: f32) -> Cells {
-    let side = side(count, width);
-    let columns = ((width / side) as usize).max(1);
-    Cells {
-        area: Rect::from_min_size(pos2(0.0, 0.0), Vec2::new(width, MOST_HEIGHT)),
-        columns,
-        side,
-        count,
-    }
-}
-
 #[cfg(test)]
 mod tests {
+    use egui::pos2;
+
     use super::*;
+
+    fn cells_of(count: usize, width: f32) -> Cells {
+        let side = side(count, width);
+        let columns = ((width / side) as usize).max(1);
+        Cells {
+            area: Rect::from_min_size(pos2(0.0, 0.0), Vec2::new(width, MOST_HEIGHT)),
+            columns,
+            side,
+            count,
+        }
+    }
 
     #[test]
     fn all_cells_have_room_as_long_as_they_can_be_told_apart() {

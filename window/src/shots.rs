@@ -3,14 +3,13 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result, ensure};
+use scenes::Camera;
 use viewer::{Viewer, recorder::Motion};
 
 use crate::Show;
 
 /// Files of one name are numbered up to here.
 const MOST_FILES: u32 = 9999;
-/// Longest time until a picture of a turntable has settled.
-const SETTLE: std::time::Duration = std::time::Duration::from_secs(60);
 
 /// The picture as it is on the screen.
 pub(crate) fn png(viewer: &mut Viewer, show: &Show) -> Result<String> {
@@ -36,25 +35,58 @@ pub(crate) fn path(viewer: &mut Viewer, show: &Show) -> Result<String> {
     Ok(written(&path))
 }
 
-/// Frames of a video, once around, each settled, in a folder of their own.
-pub(crate) fn turntable(viewer: &mut Viewer, show: &Show, frames: usize) -> Result<String> {
-    ensure!(frames > 0, "a turntable has one frame at least");
-    let folder = free(&show.folder, &format!("{}-turntable", show.title), "frames")?;
-    std::fs::create_dir_all(&folder).with_context(|| format!("cannot make {}", folder.display()))?;
-    for (number, camera) in viewer.turntable().frames(frames).iter().enumerate() {
-        viewer.engine_mut().settle(camera, SETTLE)?;
-        let path = folder.join(format!("frame_{number:04}.png"));
-        (show.save.png)(&path, viewer.size(), &viewer.engine().tonemapped()?)?;
+/// Frames of a video, once around: a camera after the other is shown until its picture has settled.
+pub(crate) struct Video {
+    folder: PathBuf,
+    cameras: Vec<Camera>,
+    written: usize,
+}
+
+impl Video {
+    /// Into a folder of its own.
+    pub(crate) fn new(viewer: &Viewer, show: &Show, frames: usize) -> Result<Self> {
+        ensure!(frames > 0, "a turntable has one frame at least");
+        let folder = free(&show.folder, &format!("{}-turntable", show.title), "frames")?;
+        std::fs::create_dir_all(&folder).with_context(|| format!("cannot make {}", folder.display()))?;
+        Ok(Self {
+            folder,
+            cameras: viewer.turntable().frames(frames),
+            written: 0,
+        })
     }
-    Ok(format!(
-        "{frames} frames in {}; ffmpeg -framerate 30 -i frame_%04d.png turntable.mp4 makes a video of them",
-        folder.display()
-    ))
+
+    /// The camera that is due.
+    pub(crate) fn camera(&self) -> Option<&Camera> {
+        self.cameras.get(self.written)
+    }
+
+    /// After a frame with that camera: writes it, if it has settled. Returns how far it is.
+    pub(crate) fn follow(&mut self, viewer: &Viewer, show: &Show) -> Result<String> {
+        if viewer.report().frame.settled {
+            let path = self.folder.join(format!("frame_{:04}.png", self.written));
+            (show.save.png)(&path, viewer.size(), &viewer.engine().tonemapped()?)?;
+            self.written += 1;
+        }
+        let (folder, frames) = (self.folder.display(), self.cameras.len());
+        Ok(if self.written < frames {
+            format!("Frame {} of {frames}; Esc ends it", self.written + 1)
+        } else {
+            format!(
+                "Written: {frames} frames in {folder}; ffmpeg -framerate 30 -i frame_%04d.png turntable.mp4 makes a video"
+            )
+        })
+    }
 }
 
 /// A path that is not taken: NAME-0001.png and so on.
 fn free(folder: &Path, title: &str, extension: &str) -> Result<PathBuf> {
-    let plain = |letter: char| if letter.is_alphanumeric() || "-_".contains(letter) { letter } else { '-' };
+    let plain = |letter: char| {
+        if letter.is_alphanumeric() || "-_".contains(letter) {
+            letter
+        } else {
+            '-'
+        }
+    };
     let name: String = title.chars().map(plain).take(80).collect();
     let path = |number: u32| folder.join(format!("{name}-{number:04}.{extension}"));
     (1..=MOST_FILES)

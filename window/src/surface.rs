@@ -74,8 +74,10 @@ impl Surface {
         painted: &Painted,
     ) -> Result<bool> {
         let (device, queue) = (self.context.device(), self.context.queue());
-        for (id, delta) in &painted.textures.set {
-            self.egui.update_texture(device, queue, *id, delta);
+        for (id, deltas) in &painted.textures.set {
+            for delta in deltas {
+                self.egui.update_texture(device, queue, *id, delta);
+            }
         }
         let shown = match self.surface.get_current_texture() {
             Current::Success(texture) | Current::Suboptimal(texture) => {

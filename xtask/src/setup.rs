@@ -1,9 +1,10 @@
 //! What the workspace needs beyond Rust: a Vulkan loader and a driver; and for its tests Python with numpy and Pillow,
-//! nginx and curl.
+//! nginx, curl and a screen without a screen (Xvfb), and what windows on X11 need.
 //!
 //! Any driver will do. Without a graphics card Mesa's software adapter (llvmpipe) draws; Debian has it in the
 //! package mesa-vulkan-drivers. macOS and Windows bring Metal and DX12. Python makes the images that tests of the
-//! readers compare with, nginx is a host that knows nothing of us, curl a client: nothing but their tests fails without them.
+//! readers compare with, nginx is a host that knows nothing of us, curl a client, Xvfb shows
+//! windows to xdotool: nothing but their tests fails without them.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -12,13 +13,20 @@ use anyhow::{Result, bail};
 
 use crate::steps::Program;
 
-const PACKAGES: [&str; 6] = [
+const PACKAGES: [&str; 13] = [
     "mesa-vulkan-drivers",
     "libvulkan1",
     "python3-numpy",
     "python3-pil",
     "nginx-light",
     "curl",
+    "xvfb",
+    "xdotool",
+    "libxkbcommon-x11-0",
+    "libx11-xcb1",
+    "libxcursor1",
+    "libxi6",
+    "libxrandr2",
 ];
 
 /// Finds all that is needed, or installs it, or says how to.
@@ -100,6 +108,12 @@ fn missing_for_tests() -> Vec<&'static str> {
         ),
         (nginx, "nginx (Debian: nginx-light)"),
         (found_on_path("curl"), "curl"),
+        (found_on_path("Xvfb"), "Xvfb (Debian: xvfb)"),
+        (found_on_path("xdotool"), "xdotool"),
+        (
+            has_libraries(&["libxkbcommon-x11.so.0", "libXcursor.so.1", "libXi.so.6"]),
+            "libraries of windows (Debian: libxkbcommon-x11-0, libxcursor1, libxi6)",
+        ),
     ];
     let missing = tools.into_iter().filter(|(there, _)| !there);
     missing.map(|(_, name)| name).collect()
@@ -119,7 +133,7 @@ fn has_python() -> bool {
 
 /// What is not there, by name.
 fn missing() -> Vec<&'static str> {
-    let loader = library_folders().any(|folder| folder.join("libvulkan.so.1").exists());
+    let loader = has_libraries(&["libvulkan.so.1"]);
     let chosen = ["VK_DRIVER_FILES", "VK_ICD_FILENAMES"]
         .iter()
         .any(|name| std::env::var_os(name).is_some());
@@ -132,6 +146,13 @@ fn missing() -> Vec<&'static str> {
         missing.push("Vulkan driver (vulkan/icd.d/*.json)");
     }
     missing
+}
+
+/// Whether all of these can be loaded.
+fn has_libraries(names: &[&str]) -> bool {
+    names
+        .iter()
+        .all(|name| library_folders().any(|folder| folder.join(name).exists()))
 }
 
 /// Where a distribution puts libraries, and LD_LIBRARY_PATH.

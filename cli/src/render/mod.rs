@@ -1,6 +1,6 @@
 //! `eigentile render`: pictures of a scene whose materials are streamed.
 
-mod choices;
+pub(crate) mod choices;
 mod ledger;
 pub(crate) mod picture;
 pub(crate) mod reference;

@@ -66,12 +66,12 @@ pub struct Server {
 
 impl Server {
     pub fn start(folder: &Path) -> Self {
-        let arguments = [
-            "serve",
-            "--listen",
-            "127.0.0.1:0",
-            folder.to_str().expect("UTF-8"),
-        ];
+        Self::start_at(folder, "127.0.0.1:0")
+    }
+
+    /// At an address of this machine.
+    pub fn start_at(folder: &Path, listen: &str) -> Self {
+        let arguments = ["serve", "--listen", listen, folder.to_str().expect("UTF-8")];
         let mut child = command(&arguments)
             .env("RUST_LOG", "info")
             .stdout(Stdio::piped())

@@ -59,11 +59,15 @@ impl Viewer {
         Ok(())
     }
 
-    pub(super) fn follow_quality(&mut self, stats: &FrameStats) -> Result<()> {
+    pub(super) fn follow_quality(&mut self, stats: &FrameStats) {
         let budgets = self.engine.budgets();
-        match self.quality.and_then(|quality| quality.next(budgets, stats)) {
-            Some(budgets) => self.engine.set_budgets(budgets),
-            None => Ok(()),
+        if let Some(budgets) = self.quality.and_then(|quality| quality.next(budgets, stats))
+            && let Err(error) = self.engine.set_budgets(budgets)
+        {
+            // The adapter has no more: what there is stays.
+            self.quality = None;
+            self.report
+                .add_problem(format!("the target error is not reached: {error}"));
         }
     }
 
