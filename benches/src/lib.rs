@@ -3,6 +3,7 @@
 //! - [`codec`]: bytes, error and speed of whole archives at given errors, and the speed of decoding.
 //! - [`engine`](mod@engine): what virtual textures cost in a frame, and what is skipped.
 //! - [`factorize`](mod@factorize): seconds, error and memory of one factorization.
+//! - [`memory_quality`]: pictures over memory on the GPU, by format of the page cache and by rank.
 //! - [`policy`]: predicted error over budget of ways to choose what is resident.
 //! - [`range`]: weights and compressed samples at equal rank.
 //! - [`serve`]: requests per second, latency and memory of the tile server, beside nginx.
@@ -18,6 +19,7 @@ pub mod engine;
 mod error;
 pub mod factorize;
 mod kept;
+pub mod memory_quality;
 mod npy;
 pub mod policy;
 pub mod range;

@@ -189,3 +189,42 @@ fn failures_say_what_to_do() {
     assert!(missing.contains("v.npy"), "{missing}");
     assert!(fail(at, &["bench", "decode", "waves.npy"]).contains("waves.npy"));
 }
+
+#[test]
+fn memory_quality_gets_better_with_memory_up_to_full_residency() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let command = "bench memory-quality --materials 2 --size 96x54 --steps 3 --ranks 0.5,1 --html a.html --csv a.csv --json";
+    let found = succeed_json(at, &command.split(' ').collect::<Vec<_>>());
+    let points = found["points"].as_array().unwrap();
+    assert_eq!(points.len(), 2 * 2 * 3);
+    let flip = |point: &Value| number(point, "/full/flip");
+    for (curve, points) in points.chunks(3).enumerate() {
+        let (format, share) = (["half", "byte"][curve / 2], [1.0, 0.5][curve % 2]);
+        assert!(
+            points
+                .iter()
+                .all(|point| point["format"] == format && number(point, "/share") == share)
+        );
+        let slots: Vec<_> = points.iter().map(|point| number(point, "/page_slots")).collect();
+        assert!(slots[0] <= 3.0 && slots.is_sorted(), "{slots:?}");
+        assert!(flip(&points[2]) < flip(&points[0]), "{points:?}");
+        assert!(points.iter().all(|point| point["reference"].is_null()));
+    }
+    // All that the view wants, in half floats and with all components, is full residency; anything less is not.
+    assert!(
+        number(&points[2], "/full/rmse") < 1e-6 && flip(&points[2]) < 1e-6,
+        "{}",
+        points[2]
+    );
+    assert!(number(&points[5], "/full/rmse") > 1e-4 && flip(&points[5]) > flip(&points[2]));
+    assert!(number(&points[8], "/page_bytes") < 0.6 * number(&points[2], "/page_bytes"));
+    assert!(number(&points[5], "/column_bytes") <= 0.5 * number(&points[2], "/column_bytes"));
+
+    let csv = fs::read_to_string(at.join("a.csv")).unwrap();
+    let columns: Vec<_> = csv.lines().map(|line| line.split(',').count()).collect();
+    assert_eq!(columns, [8 + 16; 13]);
+    let page = fs::read_to_string(at.join("a.html")).unwrap();
+    assert!(page.contains("<svg") && page.contains("data:image/png;base64,") && !page.contains("<script"));
+    assert!(page.ends_with("</html>\n") && !csv.contains("NaN"));
+}

@@ -162,6 +162,8 @@ fn from_nothing_to_a_picture() {
                 output,
                 "--reference",
                 "npy",
+                "--overlay",
+                "mip,skipped",
                 "--json",
             ],
         )
@@ -190,7 +192,22 @@ fn from_nothing_to_a_picture() {
         "RMSE {rmse}, predicted {predicted}"
     );
     assert!(number(&first, "/quality/ssim") > 0.8, "{}", first["quality"]);
+    let flip = number(&first, "/quality/flip");
+    assert!(flip > 0.0 && flip < 0.2, "{}", first["quality"]);
     assert_eq!(first["problems"], serde_json::json!([]));
+    let settled = image::open(at.join("first/settled.png")).unwrap();
+    for (overlay, name) in ["mip", "skipped"].into_iter().enumerate() {
+        let overlaid = &first["overlays"][overlay];
+        assert_eq!(overlaid["file"], format!("overlay_{name}.png"));
+        assert!(
+            overlaid["legend"]
+                .as_array()
+                .is_some_and(|legend| legend.len() >= 4),
+            "{overlaid}"
+        );
+        let picture = image::open(at.join("first").join(format!("overlay_{name}.png"))).unwrap();
+        assert!(picture.width() == 160 && picture != settled);
+    }
     // The same records end in the caches. Their bytes are the same, too; how many heads of answers come with them
     // depends on what had come when a request left.
     let last = |statistics: &Value| statistics["settling"].as_array().unwrap().last().unwrap().clone();

@@ -84,6 +84,8 @@ fn wrong_usage_fails_and_help_teaches_by_example() {
         &["paint"][..],
         &["render", "x.gltf"],
         &["render", "x.gltf", "-o", "y", "--size", "0x7"],
+        &["render", "x.gltf", "-o", "y", "--overlay", "nonsense"],
+        &["bench", "memory-quality", "--formats", "words"],
     ] {
         let output = program::run(folder.path(), arguments);
         assert_eq!(output.status.code(), Some(1), "{arguments:?}");

@@ -123,7 +123,10 @@ pub fn measure(subject: &Subject, plan: &Plan, progress: &dyn Fn(&str)) -> Resul
     pages(&mut engine, &subject.cameras, &mut skipped)?;
     progress(&format!("{}: with and without", subject.name));
     let (duel, vote_bytes) = Duel::measure(&mut engine, &subject.cameras, plan.rounds)?;
-    let tiles: u32 = engine.material_infos().map(|info| info.pyramid.tile_count()).sum();
+    let tiles: u32 = engine
+        .material_infos()
+        .map(|info| info.pyramid.tile_count())
+        .sum();
     skipped.vote_bytes = [vote_bytes, f64::from(tiles) * 4.0];
     settle(&mut engine, &last)?;
     progress(&format!("{}: standing still", subject.name));

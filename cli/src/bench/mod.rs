@@ -7,6 +7,7 @@ mod codec;
 mod decode;
 mod engine;
 mod factorize;
+mod memory_quality;
 mod policy;
 mod range;
 mod serve;
@@ -30,6 +31,7 @@ Examples:
   eigentile bench decode kept/leather/*.bsvtf
   eigentile bench engine
   eigentile bench factorize leather.npy --json
+  eigentile bench memory-quality --html memory.html
   eigentile bench policy
   eigentile bench range leather.npy
   eigentile bench serve cloth.bsvtf
@@ -44,6 +46,7 @@ enum Subject {
     Decode(decode::Arguments),
     Engine(engine::Arguments),
     Factorize(factorize::Arguments),
+    MemoryQuality(memory_quality::Arguments),
     Policy(policy::Arguments),
     Range(range::Arguments),
     Serve(serve::Arguments),
@@ -57,6 +60,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         Subject::Decode(arguments) => decode::run(arguments),
         Subject::Engine(arguments) => engine::run(arguments),
         Subject::Factorize(arguments) => factorize::run(arguments),
+        Subject::MemoryQuality(arguments) => memory_quality::run(arguments),
         Subject::Policy(arguments) => policy::run(arguments),
         Subject::Range(arguments) => range::run(arguments),
         Subject::Serve(arguments) => serve::run(arguments),

@@ -2,6 +2,7 @@
 
 pub(crate) mod choices;
 mod ledger;
+mod overlays;
 pub(crate) mod picture;
 pub(crate) mod reference;
 
@@ -52,6 +53,10 @@ pub(crate) struct Arguments {
     /// Brightens (or darkens) the pictures by so many stops.
     #[arg(long, default_value_t = 0.0, allow_negative_numbers = true)]
     exposure: f32,
+    /// Also draws the settled view covered with what is known of its pages: mip, components, borders, age, error or skipped;
+    /// again, or separated by commas, for more.
+    #[arg(long = "overlay", value_name = "NAME", value_delimiter = ',', value_parser = overlays::parse)]
+    overlays: Vec<engine::Overlay>,
     /// Folder for the pictures.
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
@@ -72,10 +77,12 @@ Examples:
   eigentile render scene.gltf --tiles http://127.0.0.1:8080 --camera flight.json --frames 120 -o pictures
   eigentile render scene.gltf --tiles http://example.org/btf/ --cache default -o pictures
   eigentile render scene.gltf --tiles tiles --cache-mib 16 -o pictures --reference npy --stats stats.json
+  eigentile render scene.gltf --tiles tiles --cache-mib 4 --overlay mip,error -o pictures
   eigentile render scene.gltf --tiles tiles --cache-mib 4 --page-format byte --angular hemisphere -o pictures
 
 Leaves frame_0000.png and so on as they were while materials arrived, and settled.png and settled.exr (linear
-radiance) of the last view with all that the cache can hold; with --reference also reference.png and error.png.";
+radiance) of the last view with all that the cache can hold; with --reference also reference.png and error.png, with
+--overlay also overlay_NAME.png.";
 
 /// Frames along a path if the user does not say.
 const PATH_FRAMES: usize = 60;
@@ -110,6 +117,9 @@ struct Statistics {
     source: SourceStats,
     /// What went wrong without stopping the picture.
     problems: Vec<String>,
+    /// Pictures under overlays.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    overlays: Vec<overlays::Overlaid>,
     #[serde(skip_serializing_if = "Option::is_none")]
     quality: Option<Quality>,
 }
@@ -164,6 +174,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         &engine.tonemapped()?,
     )?;
     picture::write_exr(&arguments.output.join("settled.exr"), &engine.picture()?)?;
+    let overlays = overlays::write(&mut engine, last, &arguments.overlays, &arguments.output)?;
 
     let quality = match &arguments.reference {
         Some(folder) => {
@@ -197,6 +208,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         counters: engine.counters(),
         source: engine.source_stats(),
         problems: engine.problems().map(str::to_owned).collect(),
+        overlays,
         quality,
     };
     if let Some(path) = &arguments.stats {
@@ -321,6 +333,9 @@ impl Statistics {
                     self.page_slots, last.format_rms
                 );
             }
+        }
+        for overlaid in &self.overlays {
+            text += &overlaid.text();
         }
         for problem in &self.problems {
             text += &format!("problem: {problem}\n");

@@ -6,7 +6,7 @@ use std::path::Path;
 use ::preprocess::npy::NpyBtf;
 use anyhow::{Context, Result};
 use engine::frame::Engine;
-use engine::metrics::{Comparison, Picture, compare as compare_pictures};
+use engine::metrics::{Comparison, Picture, compare as compare_pictures, flip::mean_flip};
 use engine::reference::{Mipped, Reflectance, Samples, shade};
 use scenes::{Camera, Scene, Surface};
 use serde::Serialize;
@@ -111,6 +111,8 @@ pub(crate) struct Truth {
 pub(crate) struct Quality {
     #[serde(flatten)]
     pub(crate) measured: Comparison,
+    /// Mean FLIP of what the screen shows.
+    pub(crate) flip: f64,
     /// Root mean square error of radiance that the ledgers and the residency predict.
     pub(crate) predicted_rmse: f64,
     /// Whether the measured error is at most the predicted one.
@@ -153,6 +155,8 @@ pub(crate) fn compare(
     let covered = covered(request.scene, &visibility);
     let measured = compare_pictures(&picture, &reference, Some(&covered), request.exposure_stops)
         .context("no pixel shows a material: is the camera turned away?")?;
+    let flip = mean_flip(&picture, &reference, Some(&covered), request.exposure_stops)
+        .context("the reference has another size than the picture")?;
     let predicted_rmse = ledgers.predict(
         request.scene,
         request.camera,
@@ -162,6 +166,7 @@ pub(crate) fn compare(
     );
     let quality = Quality {
         measured,
+        flip,
         predicted_rmse,
         within_prediction: measured.rmse <= predicted_rmse,
         ledger_rms: ledgers.rms(),
@@ -229,9 +234,10 @@ impl Quality {
             ..
         } = self.measured;
         format!(
-            "against the reference: RMSE {rmse:.5} ({:.2} %), predicted {:.5}; PSNR {psnr_db:.1} dB, SSIM {ssim:.4}, ΔE2000 {delta_e_2000:.2}\n",
+            "against the reference: RMSE {rmse:.5} ({:.2} %), predicted {:.5}; PSNR {psnr_db:.1} dB, SSIM {ssim:.4}, FLIP {:.4}, ΔE2000 {delta_e_2000:.2}\n",
             100.0 * relative_rmse,
             self.predicted_rmse,
+            self.flip,
         )
     }
 }

@@ -22,6 +22,8 @@ pub struct Comparison {
     pub reference_rms: f64,
     /// `rmse` / `reference_rms`; 0 if both are zero, infinite if only the reference is.
     pub relative_rmse: f64,
+    /// Root mean square error of what the screen shows, sRGB-encoded, not rounded to bytes.
+    pub shown_rmse: f64,
     /// Peak signal to noise ratio, decibels, with a peak of 1, of what the screen shows, sRGB-encoded, not
     /// rounded to bytes. Infinite for equal pictures.
     pub psnr_db: f64,
@@ -84,6 +86,7 @@ pub fn compare(
         rmse,
         reference_rms,
         relative_rmse: if rmse == 0.0 { 0.0 } else { rmse / reference_rms },
+        shown_rmse: noise.sqrt(),
         psnr_db: -10.0 * noise.log10(),
         ssim: mean_ssim(
             &luma(&shown),
@@ -153,6 +156,7 @@ mod tests {
             close(found.reference_rms, 1.13896378268, 1e-8);
             close(found.relative_rmse, 0.0454978269756 / 1.13896378268, 1e-9);
             close(found.psnr_db, psnr, 1e-6);
+            close(found.shown_rmse, 10f64.powf(-psnr / 20.0), 1e-9);
             close(found.ssim, ssim, 1e-9);
             close(found.delta_e_76, delta_76, 1e-3);
             close(found.delta_e_2000, delta_2000, 1e-3);
