@@ -64,9 +64,11 @@ impl Engine {
             .clamp(LEAST_UPCOMING, MOST_UPCOMING);
         let upcoming = self.residency.upcoming(most);
         let now = self.now();
+        let residency = &*self.residency;
         self.records.follow(
             &plan,
             &upcoming,
+            &|item| residency.wants(item),
             now,
             &self.btfs,
             &mut *self.source,
@@ -79,8 +81,7 @@ impl Engine {
     pub(super) fn receive(&mut self) {
         self.archives.submit(&mut *self.source);
         let now = self.now();
-        self.records
-            .submit(now, &self.btfs, &mut *self.source, &mut self.counters);
+        self.records.submit(now, &self.btfs, &mut *self.source);
         for _ in 0..self.source.capacity() {
             let Some(answer) = self.source.poll() else { break };
             self.wire_bytes += answer.wire_bytes;

@@ -27,6 +27,10 @@ pub trait Policy {
     fn upcoming(&mut self, _most: usize) -> Vec<Item> {
         Vec::new()
     }
+    /// Whether an item that may not be asked for yet is still worth having.
+    fn wants(&self, _item: Item) -> bool {
+        true
+    }
     /// Says what errors of a material count for beside those of others.
     fn set_importance(&mut self, _material: MaterialId, _importance: f32) {}
     /// Says that nothing more of a material can be had, or, with `false`, that it can again.
@@ -59,6 +63,9 @@ impl Policy for Residency {
     }
     fn upcoming(&mut self, most: usize) -> Vec<Item> {
         Residency::upcoming(self, most)
+    }
+    fn wants(&self, item: Item) -> bool {
+        Residency::wants(self, item)
     }
     fn set_importance(&mut self, material: MaterialId, importance: f32) {
         Residency::set_importance(self, material, importance);

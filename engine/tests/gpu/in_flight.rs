@@ -27,6 +27,8 @@ struct Line {
     /// Pages asked for before their parents had come, and how many of these were given up.
     early: HashSet<Ticket>,
     early_given_up: usize,
+    /// Requests for what was in flight already, or had come.
+    twice: usize,
 }
 
 impl Line {
@@ -64,6 +66,8 @@ impl TileSource for Shared {
     }
     fn submit(&mut self, request: Request) -> Option<Ticket> {
         let mut line = self.0.borrow_mut();
+        let twice = line.open.values().any(|open| *open == request) || line.came.contains(&request);
+        line.twice += usize::from(twice);
         let ticket = line.line.submit(request.clone())?;
         if line.is_early(&request) {
             line.early.insert(ticket);
@@ -115,6 +119,7 @@ fn at_the_end(network: Network, budgets: Budgets) -> (Engine, Shared, Camera) {
         largest: 0,
         early: HashSet::new(),
         early_given_up: 0,
+        twice: 0,
     })));
     let (scene, camera) = still_life();
     let options = Options {
@@ -154,6 +159,7 @@ fn bytes_in_flight_are_never_more_than_the_budget_with_chains_too() {
         // A single record may be larger.
         let bound = bytes_in_flight.max(line.largest);
         assert!(line.most_bytes <= bound, "{} of {bound}", line.most_bytes);
+        assert_eq!(line.twice, 0, "nothing is asked for twice");
         if bytes_in_flight > line.largest {
             assert!(!line.early.is_empty(), "chains were fetched together");
         }
@@ -168,7 +174,7 @@ fn what_was_fetched_early_is_given_up_when_the_camera_leaves() {
     let under_way = (0..600).any(|_| {
         frame(&mut engine, &line, &camera);
         let line = line.0.borrow();
-        line.early.iter().filter(|ticket| line.open.contains_key(ticket)).count() > 3
+        line.open.len() > 4 && line.early.iter().any(|ticket| line.open.contains_key(ticket))
     });
     assert!(under_way);
     let before = (stats(&line), engine.counters().requests_cancelled);
@@ -181,8 +187,8 @@ fn what_was_fetched_early_is_given_up_when_the_camera_leaves() {
         frame(&mut engine, &line, &away);
     }
     assert!(line.0.borrow().open.is_empty(), "nothing is seen, nothing is wanted");
-    assert!(line.0.borrow().early_given_up > 3);
-    assert!(engine.counters().requests_cancelled > before.1 + 3);
+    assert!(line.0.borrow().early_given_up > 0);
+    assert!(engine.counters().requests_cancelled > before.1 + 4);
     let after = stats(&line);
     assert!(after.saved_bytes > before.0.saved_bytes, "{after:?}");
     // It comes when the camera does, and all ends as if it had never left.

@@ -14,7 +14,7 @@ const LEAST_BYTES: f64 = 32768.0;
 const RATE_TRIPS: f64 = 10.0;
 const RATE_SECONDS: f64 = 0.5;
 /// Seconds in which no record came within this many times the round trip that is held to be one: then it is longer now.
-const TRIP_SECONDS: f64 = 10.0;
+const TRIP_SECONDS: f64 = 3.0;
 const TRIP_SLACK: f64 = 2.0;
 
 /// What was known when a record was asked for.
@@ -86,9 +86,9 @@ impl Window {
         *trip = trip.min(took);
         self.shortest = self.shortest.min(took);
         if now - self.shortest_since > TRIP_SECONDS {
-            // Requests queue up for as long as the window lets them: that is no longer trip.
+            // Requests queue up for as long as the window lets them, which is no longer trip.
             if self.shortest > TRIP_SLACK * GAIN * *trip {
-                *trip = self.shortest / GAIN;
+                *trip = self.shortest;
             }
             (self.shortest, self.shortest_since) = (took, now);
         }

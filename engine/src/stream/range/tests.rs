@@ -225,8 +225,8 @@ fn what_is_wrong_for_good_is_said_at_once() {
         (Trick::Compressed, "Content-Encoding gzip"),
         (Trick::Status("403 Forbidden"), "403"),
         (
-            Trick::Status("301 Moved\r\nlocation: http://elsewhere/"),
-            "http://elsewhere/",
+            Trick::Status("301 Moved\r\nlocation: ftp://elsewhere/"),
+            "ftp://elsewhere/",
         ),
         (Trick::Status("404 Not Found"), "not found"),
         (Trick::Status("410 Gone"), "not found"),
