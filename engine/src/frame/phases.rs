@@ -257,15 +257,6 @@ fn importance(btf: &Btf) -> f32 {
     // Rec. 709.
     let luminance = 0.2126 * r + 0.7152 * g + 0.0722 * b;
     let seen = luminance.max(0.0) + DARK;
-    if std::env::var("IMP").is_ok_and(|v| v == "1") { return 1.0; }
-    if std::env::var("IMP").is_ok_and(|v| v == "e") {
-        let p = btf.pyramid();
-        let mut per = std::collections::HashMap::new();
-        for t in p.tiles() { *per.entry(t.mip).or_insert(0u32) += 1; }
-        let n = p.tile_count() as usize;
-        let e: f64 = btf.index.pages().iter().enumerate().map(|(i, r)| f64::from(r.weight) / f64::from(per[&p.tile_at((i % n) as u32).unwrap().mip])).sum();
-        return (1.0 / (2.0 * e + 1e-4)) as f32;
-    }
     (1.0 / (seen * seen)) as f32
 }
 

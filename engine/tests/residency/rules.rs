@@ -436,6 +436,9 @@ fn importance_changes_the_order_and_not_what_is_predicted() {
         let plan = residency.update(&votes, &[]);
         assert_eq!(plan.request[0], column(first, 0), "{importance:?}");
         assert!((residency.summary().predicted_mse - 12.0).abs() < 1e-9);
+        for item in &plan.request {
+            residency.arrived(*item);
+        }
         settle(&mut residency, &votes);
         assert!(is_resident(&residency, page(first, 0, 1)), "{importance:?}");
         // Of the other material, half the pixels, the finer page is missing.
