@@ -172,7 +172,10 @@ impl Stage<'_> {
                 view = self.truths.last();
                 let last = result.points.last().filter(|point| !point.moving);
                 let similar = last.map_or(0.0, |point| point.ssim);
-                let share = LOOKS.iter().find(|(up_to, _)| similar < *up_to).map_or(0.0, |look| look.1);
+                let share = LOOKS
+                    .iter()
+                    .find(|(up_to, _)| similar < *up_to)
+                    .map_or(0.0, |look| look.1);
                 let grown = (at.bytes - looked) as f64 >= share * looked as f64;
                 first || (stats.archives_known > 0 && grown) || stats.settled || frame == stop
             };
@@ -235,7 +238,10 @@ impl Replay {
         self.resent_bytes = stats.resent_bytes;
         self.unseen_bytes = unseen_bytes;
         let mut seen = HashSet::new();
-        let again = line.came().into_iter().filter(|(request, _)| !seen.insert(request.clone()));
+        let again = line
+            .came()
+            .into_iter()
+            .filter(|(request, _)| !seen.insert(request.clone()));
         self.repeated_bytes = again.map(|(_, bytes)| bytes).sum();
         let still = || self.points.iter().filter(|point| !point.moving);
         let below = still().rfind(|point| point.ssim < GOAL);

@@ -6,7 +6,9 @@ use std::{
     rc::Rc,
 };
 
-use engine::stream::{Answer, MemorySource, Network, NetworkSource, NetworkStats, Request, Ticket, TileSource};
+use engine::stream::{
+    Answer, MemorySource, Network, NetworkSource, NetworkStats, Request, Ticket, TileSource,
+};
 use tileset::{PageId, archive::Index};
 
 use super::*;
@@ -179,7 +181,10 @@ fn what_was_fetched_early_is_given_up_when_the_camera_leaves() {
     for _ in 0..30 {
         frame(&mut engine, &line, &away);
     }
-    assert!(line.0.borrow().open.is_empty(), "nothing is seen, nothing is wanted");
+    assert!(
+        line.0.borrow().open.is_empty(),
+        "nothing is seen, nothing is wanted"
+    );
     assert!(line.0.borrow().early_given_up > 0);
     assert!(engine.counters().requests_cancelled > before.1 + 4);
     let after = stats(&line);

@@ -427,7 +427,12 @@ fn a_retired_material_is_wanted_no_more_until_it_comes_back() {
 fn importance_changes_the_order_and_not_what_is_predicted() {
     let weights: &[[f32; 6]] = &[[8.0, 4.0, 0.0, 0.0, 0.0, 0.0]];
     let votes = [vote(0, 1, 10), vote(1, 1, 10)];
-    for (importance, first) in [([1.0, 1.0], 0), ([1.0, 4.0], 1), ([4.0, 1.0], 0), ([1.0, f32::NAN], 0)] {
+    for (importance, first) in [
+        ([1.0, 1.0], 0),
+        ([1.0, 4.0], 1),
+        ([4.0, 1.0], 0),
+        ([1.0, f32::NAN], 0),
+    ] {
         // No first roots are pinned with so few slots.
         let mut residency = residency(3, 2, &[weights, weights]);
         for (material, importance) in (0..).zip(importance) {

@@ -4,7 +4,10 @@ use std::{collections::HashSet, sync::Arc};
 
 use bytes::Bytes;
 
-use super::{Flight, Records, Waiting, items::{length, material_of, record_of, request}};
+use super::{
+    Flight, Records, Waiting,
+    items::{length, material_of, record_of, request},
+};
 use crate::{
     decode::Pending,
     frame::stats::Counters,
@@ -172,12 +175,7 @@ impl Records {
 
     /// Submits what waits, as far as the source, the line and the budgets allow; one record always. Nothing that is in flight and still of
     /// use gives way: what has been sent of it would be lost, for less than the round trips that the window holds.
-    pub(in crate::frame) fn submit(
-        &mut self,
-        now: f64,
-        btfs: &[Arc<Btf>],
-        source: &mut dyn TileSource,
-    ) {
+    pub(in crate::frame) fn submit(&mut self, now: f64, btfs: &[Arc<Btf>], source: &mut dyn TileSource) {
         let most = self.budgets.requests_in_flight.min(source.capacity());
         while let Some(&item) = self.queue.front() {
             let bytes = length(item, btfs);
@@ -211,7 +209,12 @@ impl Records {
     }
 
     /// Gives up all that is on its way for a material but not with the decoder yet.
-    pub(in crate::frame) fn forget(&mut self, material: MaterialId, btfs: &[Arc<Btf>], source: &mut dyn TileSource) {
+    pub(in crate::frame) fn forget(
+        &mut self,
+        material: MaterialId,
+        btfs: &[Arc<Btf>],
+        source: &mut dyn TileSource,
+    ) {
         let is_of = |item: &Item| material_of(*item) == material;
         self.queue.retain(|item| !is_of(item));
         self.wanted.retain(|item, _| !is_of(item));

@@ -124,7 +124,9 @@ mod tests {
                 window.came(sent, BYTES, now);
                 came += BYTES;
             }
-            while (flying.len() as u64 + 1) * BYTES <= window.bytes().min(64_000_000) && flying.len() < 100_000 {
+            while (flying.len() as u64 + 1) * BYTES <= window.bytes().min(64_000_000)
+                && flying.len() < 100_000
+            {
                 line = f64::max(line, now + trip / 2.0) + BYTES as f64 / rate;
                 flying.push_back((line + trip / 2.0, window.sent(now)));
             }
@@ -138,7 +140,13 @@ mod tests {
 
     #[test]
     fn a_line_is_kept_busy_and_no_more() {
-        for (rate, trip) in [(200e3, 0.15), (1e6, 0.05), (2.5e6, 0.06), (6e6, 0.02), (20e6, 0.1)] {
+        for (rate, trip) in [
+            (200e3, 0.15),
+            (1e6, 0.05),
+            (2.5e6, 0.06),
+            (6e6, 0.02),
+            (20e6, 0.1),
+        ] {
             // What was known first is little: as if a few records had come.
             let mut window = Window::default();
             let sent = window.sent(0.0);

@@ -5,10 +5,13 @@ use std::time::Instant;
 use tileset::{Archive, PageId};
 
 use super::*;
-use crate::{Error, stream::{
-    HttpOptions, HttpTransport, RetriedSource, RetryOptions,
-    conformance::{Fixture, Host, Trick, archive, drain, fetch},
-}};
+use crate::{
+    Error,
+    stream::{
+        HttpOptions, HttpTransport, RetriedSource, RetryOptions,
+        conformance::{Fixture, Host, Trick, archive, drain, fetch},
+    },
+};
 
 fn ranges(host: &Host) -> RangeSource<HttpTransport> {
     RangeSource::new(HttpTransport::new(&HttpOptions::default()).unwrap(), &host.url)
