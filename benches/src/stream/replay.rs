@@ -22,10 +22,8 @@ pub(super) const FRAMES: u32 = 60;
 const MOST_FRAMES: u32 = 300 * FRAMES;
 /// Structural similarity that is taken for the settled picture.
 pub(super) const GOAL: f64 = 0.95;
-/// A picture is looked at whenever the bytes have grown by this share; less often when it is nearly settled.
-const LOOK_SHARE: f64 = 0.04;
-const LATE_SHARE: f64 = 0.25;
-const NEARLY: f64 = 0.975;
+/// A picture is looked at whenever the bytes have grown by this share: of those whose similarity is up to the first, the second and so on.
+const LOOKS: [(f64, f64); 3] = [(0.85, 0.1), (0.965, 0.025), (f64::INFINITY, 0.25)];
 /// Frames of a round trip where round trips are counted: enough that what is decided in a few frames does not count.
 const TRIP_FRAMES: u32 = 40;
 
@@ -82,6 +80,8 @@ pub struct Replay {
     pub saved_bytes: u64,
     /// Bytes of pages that came and that no pixel of a shown view ever wanted.
     pub unseen_bytes: u64,
+    /// Bytes of records that had come before.
+    pub repeated_bytes: u64,
     /// Bytes that were lost and sent again.
     pub resent_bytes: u64,
     /// The pictures that were looked at.
@@ -140,6 +140,7 @@ impl Stage<'_> {
             aborted_bytes: 0,
             saved_bytes: 0,
             unseen_bytes: 0,
+            repeated_bytes: 0,
             resent_bytes: 0,
             points: Vec::new(),
         };
@@ -169,11 +170,12 @@ impl Stage<'_> {
                 view.is_some_and(|truth| truth.camera == *camera)
             } else {
                 view = self.truths.last();
-                let nearly = result
-                    .points
-                    .last()
-                    .is_some_and(|point| !point.moving && point.ssim > NEARLY);
-                let share = if nearly { LATE_SHARE } else { LOOK_SHARE };
+                let last = result.points.last().filter(|point| !point.moving);
+                let similar = last.map_or(0.0, |point| point.ssim);
+                let share = LOOKS
+                    .iter()
+                    .find(|(up_to, _)| similar < *up_to)
+                    .map_or(0.0, |look| look.1);
                 let grown = (at.bytes - looked) as f64 >= share * looked as f64;
                 first || (stats.archives_known > 0 && grown) || stats.settled || frame == stop
             };
@@ -235,6 +237,12 @@ impl Replay {
         self.saved_bytes = stats.saved_bytes;
         self.resent_bytes = stats.resent_bytes;
         self.unseen_bytes = unseen_bytes;
+        let mut seen = HashSet::new();
+        let again = line
+            .came()
+            .into_iter()
+            .filter(|(request, _)| !seen.insert(request.clone()));
+        self.repeated_bytes = again.map(|(_, bytes)| bytes).sum();
         let still = || self.points.iter().filter(|point| !point.moving);
         let below = still().rfind(|point| point.ssim < GOAL);
         let since = below.map_or(f64::NEG_INFINITY, |point| point.at.seconds);

@@ -44,7 +44,12 @@ pub(crate) struct Arguments {
     #[arg(long, default_value = "640x360", value_parser = parse_size)]
     size: (u32, u32),
     /// Folder of the scene that is made; what is there is used again.
-    #[arg(long, value_name = "DIR", default_value = "eigentile-scenes/measured", conflicts_with = "scene")]
+    #[arg(
+        long,
+        value_name = "DIR",
+        default_value = "eigentile-scenes/measured",
+        conflicts_with = "scene"
+    )]
     made: PathBuf,
     /// Measures a grid of tori with so many materials made by formula instead, which takes seconds.
     #[arg(long, value_name = "N", conflicts_with_all = ["scene", "made"])]

@@ -64,9 +64,11 @@ impl Engine {
             .clamp(LEAST_UPCOMING, MOST_UPCOMING);
         let upcoming = self.residency.upcoming(most);
         let now = self.now();
+        let residency = &*self.residency;
         self.records.follow(
             &plan,
             &upcoming,
+            &|item| residency.wants(item),
             now,
             &self.btfs,
             &mut *self.source,
@@ -79,8 +81,7 @@ impl Engine {
     pub(super) fn receive(&mut self) {
         self.archives.submit(&mut *self.source);
         let now = self.now();
-        self.records
-            .submit(now, &self.btfs, &mut *self.source, &mut self.counters);
+        self.records.submit(now, &self.btfs, &mut *self.source);
         for _ in 0..self.source.capacity() {
             let Some(answer) = self.source.poll() else { break };
             self.wire_bytes += answer.wire_bytes;
@@ -263,15 +264,6 @@ fn importance(btf: &Btf) -> f32 {
     // Rec. 709.
     let luminance = 0.2126 * r + 0.7152 * g + 0.0722 * b;
     let seen = luminance.max(0.0) + DARK;
-    if std::env::var("IMP").is_ok_and(|v| v == "1") { return 1.0; }
-    if std::env::var("IMP").is_ok_and(|v| v == "e") {
-        let p = btf.pyramid();
-        let mut per = std::collections::HashMap::new();
-        for t in p.tiles() { *per.entry(t.mip).or_insert(0u32) += 1; }
-        let n = p.tile_count() as usize;
-        let e: f64 = btf.index.pages().iter().enumerate().map(|(i, r)| f64::from(r.weight) / f64::from(per[&p.tile_at((i % n) as u32).unwrap().mip])).sum();
-        return (1.0 / (2.0 * e + 1e-4)) as f32;
-    }
     (1.0 / (seen * seen)) as f32
 }
 

@@ -29,6 +29,10 @@ pub trait Policy {
     }
     /// What has failed may be asked for again at once.
     fn retry(&mut self) {}
+    /// Whether an item that may not be asked for yet is still worth having.
+    fn wants(&self, _item: Item) -> bool {
+        true
+    }
     /// Says what errors of a material count for beside those of others.
     fn set_importance(&mut self, _material: MaterialId, _importance: f32) {}
     /// Says that nothing more of a material can be had, or, with `false`, that it can again.
@@ -72,6 +76,9 @@ impl Policy for Residency {
     }
     fn retry(&mut self) {
         Residency::retry(self);
+    }
+    fn wants(&self, item: Item) -> bool {
+        Residency::wants(self, item)
     }
     fn set_importance(&mut self, material: MaterialId, importance: f32) {
         Residency::set_importance(self, material, importance);

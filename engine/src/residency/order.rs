@@ -79,6 +79,12 @@ impl Residency {
         self.in_order(&listed)
     }
 
+    /// Whether the last votes, or those ahead, want an item whose group is open, resident or not. What they want but
+    /// [`Residency::upcoming`] does not name stands further down than it looks.
+    pub fn wants(&self, item: Item) -> bool {
+        self.materials.get(item.material()).is_some() && self.rank(item).is_wanted()
+    }
+
     /// How soon an item of this rank is to come. A column has the rank of its root.
     pub(super) fn urgency(&self, item: Item, rank: Rank) -> Urgency {
         let value = if rank.is_present() { rank.value } else { rank.ahead };

@@ -102,7 +102,10 @@ mod tests {
             ("HTTP://127.0.0.1:1/tiles/", "http://127.0.0.1:1/tiles"),
             ("http://host/tiles/cloth.bsvtf", "http://host/tiles"),
             ("http://host/cloth.BSVTF", "http://host"),
-            ("https://host/a/cloth.bsvtf?X-Amz-Signature=0f%2F", "https://host/a"),
+            (
+                "https://host/a/cloth.bsvtf?X-Amz-Signature=0f%2F",
+                "https://host/a",
+            ),
             ("https://host/a/?sv=1", "https://host/a"),
         ] {
             assert_eq!(open(typed).unwrap().origin(), origin, "{typed}");

@@ -6,14 +6,13 @@ use std::{
     rc::Rc,
 };
 
-use engine::stream::{Answer, MemorySource, Network, NetworkSource, NetworkStats, Request, Ticket, TileSource};
+use engine::stream::{
+    Answer, MemorySource, Network, NetworkSource, NetworkStats, Request, Ticket, TileSource,
+};
 use tileset::{PageId, archive::Index};
 
 use super::*;
-use crate::{
-    material::{glossy, weave},
-    scene::still_life,
-};
+use crate::scene::still_life;
 
 /// A slow line, and what is on it.
 struct Line {
@@ -27,6 +26,8 @@ struct Line {
     /// Pages asked for before their parents had come, and how many of these were given up.
     early: HashSet<Ticket>,
     early_given_up: usize,
+    /// Requests for what was in flight already, or had come.
+    twice: usize,
 }
 
 impl Line {
@@ -64,6 +65,8 @@ impl TileSource for Shared {
     }
     fn submit(&mut self, request: Request) -> Option<Ticket> {
         let mut line = self.0.borrow_mut();
+        let twice = line.open.values().any(|open| *open == request) || line.came.contains(&request);
+        line.twice += usize::from(twice);
         let ticket = line.line.submit(request.clone())?;
         if line.is_early(&request) {
             line.early.insert(ticket);
@@ -95,11 +98,7 @@ impl TileSource for Shared {
 /// An engine at the end of a line, all of whose requests can be seen.
 fn at_the_end(network: Network, budgets: Budgets) -> (Engine, Shared, Camera) {
     let archive = Recipe {
-        width: 512,
-        height: 512,
-        groups: 2,
-        texture: weave,
-        abrdf: glossy,
+        groups: 6,
         ..Default::default()
     }
     .build();
@@ -115,6 +114,7 @@ fn at_the_end(network: Network, budgets: Budgets) -> (Engine, Shared, Camera) {
         largest: 0,
         early: HashSet::new(),
         early_given_up: 0,
+        twice: 0,
     })));
     let (scene, camera) = still_life();
     let options = Options {
@@ -122,7 +122,7 @@ fn at_the_end(network: Network, budgets: Budgets) -> (Engine, Shared, Camera) {
         feedback_stride: 1,
         // Only what is shown is asked for.
         prefetch_seconds: 0.0,
-        ..options((160, 90))
+        ..options((240, 135))
     };
     let source = Box::new(shared.clone());
     let engine = Engine::new(Context::headless().unwrap(), &scene, source, options).unwrap();
@@ -154,6 +154,7 @@ fn bytes_in_flight_are_never_more_than_the_budget_with_chains_too() {
         // A single record may be larger.
         let bound = bytes_in_flight.max(line.largest);
         assert!(line.most_bytes <= bound, "{} of {bound}", line.most_bytes);
+        assert_eq!(line.twice, 0, "nothing is asked for twice");
         if bytes_in_flight > line.largest {
             assert!(!line.early.is_empty(), "chains were fetched together");
         }
@@ -168,9 +169,9 @@ fn what_was_fetched_early_is_given_up_when_the_camera_leaves() {
     let under_way = (0..600).any(|_| {
         frame(&mut engine, &line, &camera);
         let line = line.0.borrow();
-        line.early.iter().filter(|ticket| line.open.contains_key(ticket)).count() > 3
+        line.open.len() > 4 && line.early.iter().any(|ticket| line.open.contains_key(ticket))
     });
-    assert!(under_way);
+    assert!(under_way, "{} asked for early", line.0.borrow().early.len());
     let before = (stats(&line), engine.counters().requests_cancelled);
     assert_eq!(line.0.borrow().early_given_up, 0);
     let away = Camera {
@@ -180,9 +181,12 @@ fn what_was_fetched_early_is_given_up_when_the_camera_leaves() {
     for _ in 0..30 {
         frame(&mut engine, &line, &away);
     }
-    assert!(line.0.borrow().open.is_empty(), "nothing is seen, nothing is wanted");
-    assert!(line.0.borrow().early_given_up > 3);
-    assert!(engine.counters().requests_cancelled > before.1 + 3);
+    assert!(
+        line.0.borrow().open.is_empty(),
+        "nothing is seen, nothing is wanted"
+    );
+    assert!(line.0.borrow().early_given_up > 0);
+    assert!(engine.counters().requests_cancelled > before.1 + 4);
     let after = stats(&line);
     assert!(after.saved_bytes > before.0.saved_bytes, "{after:?}");
     // It comes when the camera does, and all ends as if it had never left.

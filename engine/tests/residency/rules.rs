@@ -422,3 +422,36 @@ fn a_retired_material_is_wanted_no_more_until_it_comes_back() {
     residency.set_retired(MaterialId(0), false);
     assert_eq!(residency.update(&votes, &[]).request, [page(0, 0, 1)]);
 }
+
+#[test]
+fn importance_changes_the_order_and_not_what_is_predicted() {
+    let weights: &[[f32; 6]] = &[[8.0, 4.0, 0.0, 0.0, 0.0, 0.0]];
+    let votes = [vote(0, 1, 10), vote(1, 1, 10)];
+    for (importance, first) in [
+        ([1.0, 1.0], 0),
+        ([1.0, 4.0], 1),
+        ([4.0, 1.0], 0),
+        ([1.0, f32::NAN], 0),
+    ] {
+        // No first roots are pinned with so few slots.
+        let mut residency = residency(3, 2, &[weights, weights]);
+        for (material, importance) in (0..).zip(importance) {
+            residency.set_importance(MaterialId(material), importance);
+        }
+        let plan = residency.update(&votes, &[]);
+        assert_eq!(plan.request[0], column(first, 0), "{importance:?}");
+        assert!((residency.summary().predicted_mse - 12.0).abs() < 1e-9);
+        for item in &plan.request {
+            residency.arrived(*item);
+        }
+        settle(&mut residency, &votes);
+        assert!(is_resident(&residency, page(first, 0, 1)), "{importance:?}");
+        // Of the other material, half the pixels, the finer page is missing.
+        assert!((residency.summary().predicted_mse - 2.0).abs() < 1e-9);
+        // Said later, it changes who has the third slot.
+        residency.set_importance(MaterialId(1 - first), 100.0);
+        settle(&mut residency, &votes);
+        assert!(is_resident(&residency, page(1 - first, 0, 1)));
+        assert!((residency.summary().predicted_mse - 2.0).abs() < 1e-9);
+    }
+}

@@ -50,7 +50,10 @@ pub(crate) fn settle_at(engine: &mut Engine, camera: &Camera) -> Picture {
     let frames = engine.settle(camera, PATIENCE).unwrap();
     let last = frames.last().unwrap();
     let problems: Vec<&str> = engine.problems().collect();
-    assert!(last.settled && last.archives_failed == 0, "{last:?}, {problems:?}");
+    assert!(
+        last.settled && last.archives_failed == 0,
+        "{last:?}, {problems:?}"
+    );
     engine.picture().unwrap()
 }
 

@@ -5,9 +5,12 @@ use scenes::Surface;
 use tests::{Server, soon};
 use tileset::Archive;
 
-use crate::{FIXTURE, NAMES, killed::{engine, settle_whatever}};
+use crate::{
+    FIXTURE, NAMES,
+    killed::{engine, settle_whatever},
+};
 
-/// Damages the records of all pages but the roots, or of everything, or the manifest.
+/// What is damaged: the records of all pages, those of columns too, or the manifest.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Damage {
     Pages,
@@ -22,7 +25,12 @@ fn damage(mut bytes: Vec<u8>, what: Damage) -> Vec<u8> {
         return bytes;
     }
     let columns = index.columns().iter().filter(|_| what == Damage::Everything);
-    for record in index.pages().iter().chain(columns).filter(|record| record.length > 0) {
+    for record in index
+        .pages()
+        .iter()
+        .chain(columns)
+        .filter(|record| record.length > 0)
+    {
         bytes[record.offset as usize + record.length as usize / 2] ^= 0x10;
     }
     bytes
@@ -53,17 +61,29 @@ fn other_materials_look_as_ever() {
         let mut engine = engine(&context, open_with(&server.address, &soon()).unwrap());
         let picture = settle_whatever(&mut engine);
         let problems: Vec<&str> = engine.problems().collect();
-        assert!(problems.iter().any(|problem| problem.contains(bad)), "{what:?}: {problems:?}");
-        assert!(!problems.iter().any(|problem| problem.contains(good)), "{what:?}: {problems:?}");
+        assert!(
+            problems.iter().any(|problem| problem.contains(bad)),
+            "{what:?}: {problems:?}"
+        );
+        assert!(
+            !problems.iter().any(|problem| problem.contains(good)),
+            "{what:?}: {problems:?}"
+        );
         let (mut seen, mut changed) = (0, 0);
         for ((a, b), shown) in picture.pixels.iter().zip(&expected.pixels).zip(&shown) {
-            let same = a.iter().zip(b).all(|(a, b)| (a - b).abs() < 0.02 * b.abs() + 2e-3);
+            let same = a
+                .iter()
+                .zip(b)
+                .all(|(a, b)| (a - b).abs() < 0.02 * b.abs() + 2e-3);
             if shown.as_deref() == Some(good) {
                 seen += 1;
                 assert!(same, "{what:?}: {a:?} instead of {b:?}");
             }
             changed += usize::from(!same);
         }
-        assert!(seen > 500 && changed > 500, "{what:?}: {seen} pixels, {changed} changed");
+        assert!(
+            seen > 500 && changed > 500,
+            "{what:?}: {seen} pixels, {changed} changed"
+        );
     }
 }

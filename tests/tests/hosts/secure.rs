@@ -44,7 +44,9 @@ impl Secure {
 
     /// `https://localhost:PORT`.
     fn address(&self) -> String {
-        self.server.address.replace("http://127.0.0.1", "https://localhost")
+        self.server
+            .address
+            .replace("http://127.0.0.1", "https://localhost")
     }
 
     fn ca_file(&self) -> PathBuf {
@@ -87,7 +89,9 @@ impl Guide {
                         .body(Empty::<hyper::body::Bytes>::new());
                     async { response }
                 };
-                tokio::spawn(http1::Builder::new().serve_connection(TokioIo::new(stream), service_fn(answer)));
+                tokio::spawn(
+                    http1::Builder::new().serve_connection(TokioIo::new(stream), service_fn(answer)),
+                );
             }
         });
         Self {
@@ -120,12 +124,18 @@ fn certificates_are_checked_and_a_file_of_them_can_be_trusted() {
     check(&mut *ranges, second, || {});
     // Nobody has said that whoever has signed it is to be trusted.
     let error = refusal(&host.address(), &options(None)).to_string();
-    assert!(error.contains("certificate") && error.contains("--ca-file"), "{error}");
+    assert!(
+        error.contains("certificate") && error.contains("--ca-file"),
+        "{error}"
+    );
     // It is that of another host.
     let elsewhere = host.address().replace("localhost", "127.0.0.1");
     let error = refusal(&elsewhere, &host.trusted()).to_string();
     assert!(error.contains("certificate"), "{error}");
-    for (file, says) in [(host.folder.path().join("no"), "no"), (host.folder.path().join("key"), "none")] {
+    for (file, says) in [
+        (host.folder.path().join("no"), "no"),
+        (host.folder.path().join("key"), "none"),
+    ] {
         let mut options = host.trusted();
         options.http.ca_file = Some(file);
         let error = open_with(&host.address(), &options).err().unwrap().to_string();
@@ -156,7 +166,10 @@ fn clients_go_where_they_are_sent_but_not_to_less_safety_or_in_circles() {
     assert_eq!(around.asked.load(Ordering::Relaxed), 6, "the first and five more");
     let out = Guide::start(|_| "file:///etc/passwd".into());
     let error = refusal(&format!("{}/a/{first}.bsvtf", out.address), &options(None)).to_string();
-    assert!(error.contains("file:///etc/passwd") && error.contains("not followed"), "{error}");
+    assert!(
+        error.contains("file:///etc/passwd") && error.contains("not followed"),
+        "{error}"
+    );
 }
 
 #[test]

@@ -4,9 +4,8 @@
 //! decoded), [`Decoding`] (with the workers, or decoded and not handed out yet). What residency asked for is in `wanted`
 //! until it is handed out; ancestors that the host has dropped travel the same way without being wanted.
 //!
-//! What residency will ask for next is fetched early: its record waits in the store until then. Early records take what
-//! the wanted ones leave of requests and bytes in flight, give way to them, and are given up in the frame in which residency
-//! names them no more.
+//! What residency will ask for next is fetched early: its record waits in the store until then. Early records
+//! are asked for where they stand in the order, and are given up in the frame in which residency names them no more.
 //!
 //! `queue`: the order in which records are asked for. `window`: how many of them are. `items`: what an item is to its archive.
 

@@ -4,7 +4,10 @@ use std::{collections::HashSet, sync::Arc};
 
 use bytes::Bytes;
 
-use super::{Flight, Records, Waiting, items::{length, material_of, record_of, request}};
+use super::{
+    Flight, Records, Waiting,
+    items::{length, material_of, record_of, request},
+};
 use crate::{
     decode::Pending,
     frame::stats::Counters,
@@ -15,11 +18,12 @@ use crate::{
 
 impl Records {
     /// Starts what a plan asks for and gives up what it cancels; fetches in the order of `upcoming`, also what is not
-    /// asked for yet.
+    /// asked for yet. `wants` says whether something is worth having at all.
     pub(in crate::frame) fn follow(
         &mut self,
         plan: &Plan,
         upcoming: &[Item],
+        wants: &dyn Fn(Item) -> bool,
         now: f64,
         btfs: &[Arc<Btf>],
         source: &mut dyn TileSource,
@@ -28,7 +32,7 @@ impl Records {
         self.cancel(&plan.cancel, btfs, source, counters);
         self.request(&plan.request, now, btfs, counters);
         self.arrange(upcoming, btfs);
-        self.abort_stale(btfs, source, counters);
+        self.abort_stale(wants, btfs, source, counters);
     }
 
     /// Brings what is to be submitted into the order of now: first ancestors that others wait for, then `upcoming`. What was
@@ -39,7 +43,12 @@ impl Records {
         self.early.retain(|item| self.order.contains_key(item));
         let needed = self.needed();
         let mut queue: Vec<(usize, Item)> = Vec::new();
+        // What was queued early and has been asked for since is there twice.
+        let mut placed = HashSet::new();
         for item in std::mem::take(&mut self.queue) {
+            if !placed.insert(item) {
+                continue;
+            }
             if needed.contains(&item) {
                 queue.push((0, item));
             } else if self.wanted.contains_key(&item) {
@@ -66,11 +75,19 @@ impl Records {
         self.queue.extend(queue.into_iter().map(|(_, item)| item));
     }
 
-    /// Gives up what is in flight early and has lost its place.
-    fn abort_stale(&mut self, btfs: &[Arc<Btf>], source: &mut dyn TileSource, counters: &mut Counters) {
+    /// Gives up what is in flight early and not worth having any more. What others have only overtaken comes: to ask for it twice would
+    /// cost more.
+    fn abort_stale(
+        &mut self,
+        wants: &dyn Fn(Item) -> bool,
+        btfs: &[Arc<Btf>],
+        source: &mut dyn TileSource,
+        counters: &mut Counters,
+    ) {
         let needed = self.needed();
         let is_stale = |item: &Item| {
-            !self.wanted.contains_key(item) && !self.order.contains_key(item) && !needed.contains(item)
+            let named = self.wanted.contains_key(item) || self.order.contains_key(item);
+            !named && !needed.contains(item) && !wants(*item)
         };
         let stale = self.tickets.iter().filter(|(_, flight)| is_stale(&flight.item));
         let mut stale: Vec<Ticket> = stale.map(|(ticket, _)| *ticket).collect();
@@ -156,24 +173,12 @@ impl Records {
         }
     }
 
-    /// Submits what waits, as far as the source, the line and the budgets allow; one record always. What is in flight early
-    /// gives way to what is wanted and comes before it in the order.
-    pub(in crate::frame) fn submit(
-        &mut self,
-        now: f64,
-        btfs: &[Arc<Btf>],
-        source: &mut dyn TileSource,
-        counters: &mut Counters,
-    ) {
+    /// Submits what waits, as far as the source, the line and the budgets allow; one record always. Nothing that is in flight and still of
+    /// use gives way: what has been sent of it would be lost, for less than the round trips that the window holds.
+    pub(in crate::frame) fn submit(&mut self, now: f64, btfs: &[Arc<Btf>], source: &mut dyn TileSource) {
         let most = self.budgets.requests_in_flight.min(source.capacity());
         while let Some(&item) = self.queue.front() {
             let bytes = length(item, btfs);
-            while !self.is_early(item)
-                && !self.has_room(bytes, most)
-                && let Some(last) = self.last_early_behind(item)
-            {
-                self.abort(last, btfs, source, counters);
-            }
             if !self.has_room(bytes, most) {
                 self.window.full();
                 break;
@@ -195,14 +200,6 @@ impl Records {
         self.tickets.is_empty() || (self.tickets.len() < most && fits)
     }
 
-    /// Of what is in flight early the last in the order, if it comes after `item`.
-    fn last_early_behind(&self, item: Item) -> Option<Ticket> {
-        let place = |item: &Item| self.order.get(item).copied();
-        let early = self.tickets.iter().filter(|(_, flight)| self.is_early(flight.item));
-        let (ticket, last) = early.max_by_key(|(_, flight)| place(&flight.item))?;
-        (place(&last.item) > place(&item)).then_some(*ticket)
-    }
-
     /// A request is in flight no more.
     pub(super) fn land(&mut self, ticket: Ticket, btfs: &[Arc<Btf>]) -> Option<Flight> {
         let flight = self.tickets.remove(&ticket)?;
@@ -212,7 +209,12 @@ impl Records {
     }
 
     /// Gives up all that is on its way for a material but not with the decoder yet.
-    pub(in crate::frame) fn forget(&mut self, material: MaterialId, btfs: &[Arc<Btf>], source: &mut dyn TileSource) {
+    pub(in crate::frame) fn forget(
+        &mut self,
+        material: MaterialId,
+        btfs: &[Arc<Btf>],
+        source: &mut dyn TileSource,
+    ) {
         let is_of = |item: &Item| material_of(*item) == material;
         self.queue.retain(|item| !is_of(item));
         self.wanted.retain(|item, _| !is_of(item));

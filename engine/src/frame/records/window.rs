@@ -14,7 +14,7 @@ const LEAST_BYTES: f64 = 32768.0;
 const RATE_TRIPS: f64 = 10.0;
 const RATE_SECONDS: f64 = 0.5;
 /// Seconds in which no record came within this many times the round trip that is held to be one: then it is longer now.
-const TRIP_SECONDS: f64 = 10.0;
+const TRIP_SECONDS: f64 = 3.0;
 const TRIP_SLACK: f64 = 2.0;
 
 /// What was known when a record was asked for.
@@ -86,9 +86,9 @@ impl Window {
         *trip = trip.min(took);
         self.shortest = self.shortest.min(took);
         if now - self.shortest_since > TRIP_SECONDS {
-            // Requests queue up for as long as the window lets them: that is no longer trip.
+            // Requests queue up for as long as the window lets them, which is no longer trip.
             if self.shortest > TRIP_SLACK * GAIN * *trip {
-                *trip = self.shortest / GAIN;
+                *trip = self.shortest;
             }
             (self.shortest, self.shortest_since) = (took, now);
         }
@@ -124,7 +124,9 @@ mod tests {
                 window.came(sent, BYTES, now);
                 came += BYTES;
             }
-            while (flying.len() as u64 + 1) * BYTES <= window.bytes().min(64_000_000) && flying.len() < 100_000 {
+            while (flying.len() as u64 + 1) * BYTES <= window.bytes().min(64_000_000)
+                && flying.len() < 100_000
+            {
                 line = f64::max(line, now + trip / 2.0) + BYTES as f64 / rate;
                 flying.push_back((line + trip / 2.0, window.sent(now)));
             }
@@ -138,7 +140,13 @@ mod tests {
 
     #[test]
     fn a_line_is_kept_busy_and_no_more() {
-        for (rate, trip) in [(200e3, 0.15), (1e6, 0.05), (2.5e6, 0.06), (6e6, 0.02), (20e6, 0.1)] {
+        for (rate, trip) in [
+            (200e3, 0.15),
+            (1e6, 0.05),
+            (2.5e6, 0.06),
+            (6e6, 0.02),
+            (20e6, 0.1),
+        ] {
             // What was known first is little: as if a few records had come.
             let mut window = Window::default();
             let sent = window.sent(0.0);

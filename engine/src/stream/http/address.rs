@@ -23,7 +23,9 @@ impl Address {
             .trim()
             .parse()
             .map_err(|error| refuse(&format!("no URL ({error})")))?;
-        let scheme = uri.scheme_str().filter(|scheme| matches!(*scheme, "http" | "https"));
+        let scheme = uri
+            .scheme_str()
+            .filter(|scheme| matches!(*scheme, "http" | "https"));
         let scheme = scheme.ok_or_else(|| refuse("only http:// and https:// are supported"))?;
         let authority = uri.authority().filter(|authority| !authority.host().is_empty());
         let authority = authority.ok_or_else(|| refuse("no host"))?;
@@ -117,7 +119,10 @@ mod tests {
             assert!(Address::parse(bad).is_err(), "{bad}");
         }
         let signed = Address::parse("HTTPS://host/a.bsvtf?sig=a%2Fb").unwrap();
-        assert_eq!((signed.base(), signed.query()), ("https://host/a.bsvtf", Some("sig=a%2Fb")));
+        assert_eq!(
+            (signed.base(), signed.query()),
+            ("https://host/a.bsvtf", Some("sig=a%2Fb"))
+        );
         assert!(signed.without_query().is_err());
     }
 }

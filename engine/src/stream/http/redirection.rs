@@ -58,11 +58,17 @@ mod tests {
             Some("https://b/")
         );
         for to in ["ftp://a/x", "file:///etc/passwd", "http://user@b/", "http://", ""] {
-            assert!(target("http://a/x", 302, to).is_none_or(|to| to == "http://a/x"), "{to}");
+            assert!(
+                target("http://a/x", 302, to).is_none_or(|to| to == "http://a/x"),
+                "{to}"
+            );
         }
         for status in [200, 206, 300, 304, 305, 404] {
             assert_eq!(target("http://a/x", status, "http://b/"), None, "{status}");
         }
-        assert_eq!(super::target(&"http://a/".parse().unwrap(), StatusCode::FOUND, None), None);
+        assert_eq!(
+            super::target(&"http://a/".parse().unwrap(), StatusCode::FOUND, None),
+            None
+        );
     }
 }

@@ -5,10 +5,13 @@ use std::time::Instant;
 use tileset::{Archive, PageId};
 
 use super::*;
-use crate::{Error, stream::{
-    HttpOptions, HttpTransport, RetriedSource, RetryOptions,
-    conformance::{Fixture, Host, Trick, archive, drain, fetch},
-}};
+use crate::{
+    Error,
+    stream::{
+        HttpOptions, HttpTransport, RetriedSource, RetryOptions,
+        conformance::{Fixture, Host, Trick, archive, drain, fetch},
+    },
+};
 
 fn ranges(host: &Host) -> RangeSource<HttpTransport> {
     RangeSource::new(HttpTransport::new(&HttpOptions::default()).unwrap(), &host.url)
@@ -225,8 +228,8 @@ fn what_is_wrong_for_good_is_said_at_once() {
         (Trick::Compressed, "Content-Encoding gzip"),
         (Trick::Status("403 Forbidden"), "403"),
         (
-            Trick::Status("301 Moved\r\nlocation: http://elsewhere/"),
-            "http://elsewhere/",
+            Trick::Status("301 Moved\r\nlocation: ftp://elsewhere/"),
+            "ftp://elsewhere/",
         ),
         (Trick::Status("404 Not Found"), "not found"),
         (Trick::Status("410 Gone"), "not found"),
