@@ -12,7 +12,7 @@ pub const HEADER_BYTES: usize = 64;
 /// line ends.
 pub(super) const MAGIC: [u8; 8] = *b"\x89BSVTF\r\n";
 /// The version that is written and read. Version 1, before any release, had no tables and other mips.
-pub(super) const VERSION: u32 = 4;
+pub(super) const VERSION: u32 = 5;
 /// Largest accepted text of a manifest: twice what the largest valid one can need.
 pub(super) const MAX_MANIFEST_BYTES: usize = 1 << 20;
 

@@ -7,8 +7,8 @@
 //! adds up from mip to mip. Blocks lie within pages, so a page needs its parent's payload and no border, and is sent
 //! without one: borders are put together where the neighbours are.
 //!
-//! Levels are chosen by rate and distortion, and coded with static models by context; see `levels`. What all pages
-//! share, [`PageTables`], is a section of the archive.
+//! A block may go on from an earlier one of its page, see `page::source`. Levels are chosen by rate and distortion, and
+//! coded with static models by context; see `levels`. What all pages share, [`PageTables`], is a section of the archive.
 //!
 //! Source: Schwartz, Ruiters, Klein, 2013, section 6, codes 8×8 DCTs of differences to up-sampled parents with
 //! deflate. Halving a picture in the DCT domain: Dugad and Ahuja, "A fast scheme for image size change in the

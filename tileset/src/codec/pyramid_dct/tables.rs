@@ -5,7 +5,9 @@ use bytemuck::Zeroable;
 use super::context::{
     Context, FACTOR_QUARTERS, MEAN_CLASSES, MODELS, Means, class_of_mean, factor, mean_of_class, mean_unit,
 };
-use super::levels::{END_MODELS, ESCAPE, Found, SYMBOLS, Sink, end_model, symbol_of};
+use super::levels::{
+    END_MODELS, ESCAPE, Found, SOURCE_MODELS, SOURCES, SYMBOLS, Sink, end_model, source_model, symbol_of,
+};
 use super::scan::DIAGONALS;
 use super::transform::AREA;
 use crate::codec::rans::{Buckets, Model, read_models, write_models};
@@ -16,7 +18,10 @@ const BUNDLE_GROUPS: usize = 5;
 /// Reconstruction points are multiples of 1/128 of a step.
 const OFFSET_UNIT: f32 = 1.0 / 128.0;
 /// Most bytes of tables before compression: all mips of the largest archive with the most components.
-const MAX_RAW_BYTES: usize = 17 * (52 * AREA + 1024) + (MODELS + END_MODELS) * 130 + 2 * MODELS + 16;
+const MAX_RAW_BYTES: usize =
+    17 * (52 * AREA + 1024) + (MODELS + END_MODELS + SOURCE_MODELS) * 130 + 2 * MODELS + 16;
+/// Of so many blocks one has a source at least, or none of the archive has: to look for them takes a decoder time.
+const LEAST_SOURCES: u64 = 128;
 
 /// What all pages of an archive share.
 #[derive(Clone)]
@@ -32,6 +37,8 @@ pub struct PageTables {
     pub(super) models: Vec<Model>,
     /// Models of the number of diagonals.
     pub(super) ends: Vec<Model>,
+    /// Models of sources.
+    pub(super) sources: Vec<Model>,
     /// By context: how far from a level of one, and of more, the mean of what is quantized to it lies.
     offsets: Vec<[i8; 2]>,
     /// Bits of each symbol, by context.
@@ -93,6 +100,7 @@ impl PageTables {
         quarters: Vec<[i8; 4]>,
         models: Vec<Model>,
         ends: Vec<Model>,
+        sources: Vec<Model>,
         offsets: Vec<[i8; 2]>,
     ) -> Self {
         let means = classes
@@ -123,6 +131,7 @@ impl PageTables {
             means,
             models,
             ends,
+            sources,
             offsets,
             buckets,
             values,
@@ -144,7 +153,8 @@ impl PageTables {
             // The lowest bits are as they were: no model says where in its interval a value lies.
             return level as f32;
         }
-        value(self.offsets[usize::from(model)], level)
+        let offsets = self.offsets.get(usize::from(model));
+        value(offsets.copied().unwrap_or_default(), level)
     }
 
     /// Bits that a level takes, about.
@@ -162,6 +172,23 @@ impl PageTables {
         self.ends
             .get(end_model(last_end))
             .map_or(0.0, |model| model.bits(end))
+    }
+
+    /// Bits of a block's source, given that of the last block that has levels; 0 without models.
+    pub(super) fn source_bits(&self, last: usize, source: usize) -> f32 {
+        self.sources
+            .get(source_model(last))
+            .map_or(0.0, |model| model.bits(source))
+    }
+
+    /// Whether sources are worth looking for: some were found, or nothing is known of them.
+    pub(super) fn may_have_sources(&self) -> bool {
+        self.sources.is_empty() || self.has_sources()
+    }
+
+    /// Whether blocks may have sources.
+    pub(super) fn has_sources(&self) -> bool {
+        self.sources.iter().any(|model| model.symbols() > 1)
     }
 
     /// Whether there are models, and not only statistics of frequencies.
@@ -188,6 +215,7 @@ impl PageTables {
         bytes.extend(self.offsets.iter().flatten().map(|&offset| offset as u8));
         write_models(&self.models, &mut bytes);
         write_models(&self.ends, &mut bytes);
+        write_models(&self.sources, &mut bytes);
         bytes
     }
 
@@ -211,11 +239,11 @@ impl PageTables {
         let (offsets, mut rest) = rest.split_at_checked(2 * MODELS).ok_or_else(short)?;
         let models = read_models(&mut rest, MODELS)?;
         let ends = read_models(&mut rest, END_MODELS)?;
-        if !rest.is_empty() || models.len() != MODELS || ends.len() != END_MODELS {
+        let sources = read_models(&mut rest, SOURCE_MODELS)?;
+        let counts = [models.len(), ends.len(), sources.len()];
+        if !rest.is_empty() || counts != [MODELS, END_MODELS, SOURCE_MODELS] {
             return Err(format!(
-                "{} and {} models and {} bytes behind them, expected {MODELS}, {END_MODELS} and none",
-                models.len(),
-                ends.len(),
+                "sets of {counts:?} models and {} bytes behind them, expected {MODELS}, {END_MODELS}, {SOURCE_MODELS} and none",
                 rest.len()
             ));
         }
@@ -246,6 +274,7 @@ impl PageTables {
             quarters,
             models,
             ends,
+            sources,
             offsets.collect(),
         ))
     }
@@ -272,6 +301,7 @@ pub struct Statistics {
     components: Vec<[(u64, u64); 4]>,
     levels: Vec<[u32; SYMBOLS]>,
     ends: Vec<[u32; DIAGONALS + 1]>,
+    sources: Vec<[u32; SOURCES]>,
     /// By context, for levels of one and of more: sum of how much larger the coefficients are, in steps, and their
     /// number.
     offsets: Vec<[(f64, u64); 2]>,
@@ -288,6 +318,7 @@ impl Statistics {
             components: vec![[(0, 0); 4]; extent.mips * extent.groups],
             levels: vec![[0; SYMBOLS]; MODELS],
             ends: vec![[0; DIAGONALS + 1]; END_MODELS],
+            sources: vec![[0; SOURCES]; SOURCE_MODELS],
             offsets: vec![[(0.0, 0); 2]; MODELS],
         }
     }
@@ -310,12 +341,14 @@ impl Statistics {
             .levels
             .as_flattened_mut()
             .iter_mut()
-            .chain(self.ends.as_flattened_mut());
+            .chain(self.ends.as_flattened_mut())
+            .chain(self.sources.as_flattened_mut());
         let others = other
             .levels
             .as_flattened()
             .iter()
-            .chain(other.ends.as_flattened());
+            .chain(other.ends.as_flattened())
+            .chain(other.sources.as_flattened());
         for (sum, other) in counts.zip(others) {
             *sum = sum.saturating_add(*other);
         }
@@ -329,7 +362,7 @@ impl Statistics {
         }
     }
 
-    /// The best tables for what was counted; without models after the first round.
+    /// The best tables for what was counted; without models of levels and ends after the first round.
     pub fn tables(&self) -> PageTables {
         let classes = self
             .magnitudes
@@ -350,7 +383,16 @@ impl Statistics {
         let quarters = quarters.collect();
         if !self.contexts {
             let quarters = vec![[0; 4]; self.components.len()];
-            return PageTables::new(self.extent, classes, quarters, Vec::new(), Vec::new(), Vec::new());
+            let nothing = self.sources.as_flattened().iter().all(|&count| count == 0);
+            return PageTables::new(
+                self.extent,
+                classes,
+                quarters,
+                Vec::new(),
+                Vec::new(),
+                if nothing { Vec::new() } else { self.sources() },
+                Vec::new(),
+            );
         }
         let models = self.levels.iter().map(|counts| {
             let mut counts = *counts;
@@ -376,8 +418,25 @@ impl Statistics {
             quarters,
             models.collect(),
             ends.collect(),
+            self.sources(),
             offsets,
         )
+    }
+
+    /// Models of the sources that were counted: of none, unless there are enough.
+    fn sources(&self) -> Vec<Model> {
+        let counted = self.sources.as_flattened().iter().map(|&count| u64::from(count));
+        let none: u64 = self.sources.iter().map(|counts| u64::from(counts[0])).sum();
+        let enough = (counted.sum::<u64>() - none) * LEAST_SOURCES > none;
+        let models = self.sources.iter().map(|counts| {
+            let mut counts = *counts;
+            counts[0] = counts[0].max(1);
+            if !enough {
+                counts[1..].fill(0);
+            }
+            Model::from_counts(&counts)
+        });
+        models.collect()
     }
 }
 
@@ -393,6 +452,10 @@ pub(super) struct Counter<'a> {
 impl Sink for Counter<'_> {
     fn end(&mut self, model: usize, end: usize) {
         self.statistics.ends[model][end] += 1;
+    }
+
+    fn source(&mut self, model: usize, source: usize) {
+        self.statistics.sources[model][source] += 1;
     }
 
     fn levels(&mut self, found: &[Found; 4]) {

@@ -39,6 +39,11 @@ impl Model {
         })
     }
 
+    /// Symbols that can be coded, and those before the last of them.
+    pub(crate) fn symbols(&self) -> usize {
+        self.frequencies.len()
+    }
+
     /// Bits that a symbol takes; infinite for what the model cannot code.
     pub(crate) fn bits(&self, symbol: usize) -> f32 {
         let frequency = self.frequencies.get(symbol).copied().unwrap_or(0);

@@ -1,7 +1,8 @@
 //! The levels of a block to symbols and back.
 //!
-//! A block opens with the number of diagonals that hold a level other than zero, for all four components together;
-//! then come the levels of these diagonals, four at each place. A level in units of 2^shift is one symbol up to
+//! A block opens with the number of diagonals that hold a level other than zero, for all four components together, and,
+//! unless there are none, says which block before it in the page it goes on from; then come the levels of these
+//! diagonals, four at each place. A level in units of 2^shift is one symbol up to
 //! ±[`LARGEST_SYMBOL`]; beyond that, or where the model has never seen it, an escape and an Elias gamma code. The
 //! shifted bits follow as they are.
 
@@ -23,6 +24,15 @@ pub(super) const SYMBOLS: usize = ESCAPE + 1;
 pub(super) const MAX_LEVEL: i32 = 1 << 28;
 /// Models of the number of diagonals: by that of the block before.
 pub(super) const END_MODELS: usize = 8;
+/// Symbols that say to which block before a block adds: 0 for none, else how many blocks back, in the order of the page.
+pub(super) const SOURCES: usize = 16;
+/// Models of sources: by whether the last block that was asked had one.
+pub(super) const SOURCE_MODELS: usize = 2;
+
+/// The model of a block's source, from that of the last block that has levels.
+pub(super) fn source_model(last: usize) -> usize {
+    usize::from(last > 0)
+}
 
 /// The model of a block's number of diagonals, from that of the block before.
 pub(super) fn end_model(last: usize) -> usize {

@@ -1,6 +1,6 @@
 //! Symbols to levels to coefficients.
 
-use super::{ESCAPE, MAX_LEVEL, end_model};
+use super::{ESCAPE, MAX_LEVEL, end_model, source_model};
 use crate::codec::pyramid_dct::context::{Context, Expected, Means, magnitude};
 use crate::codec::pyramid_dct::scan::Scan;
 use crate::codec::pyramid_dct::tables::PageTables;
@@ -20,6 +20,10 @@ pub(in crate::codec::pyramid_dct) struct Reader<'a> {
     pub(super) means: Means<'a>,
     /// Diagonals of the last block.
     pub(super) last_end: usize,
+    /// Source of the last block that has levels.
+    last_source: usize,
+    /// Whether blocks may have sources.
+    has_sources: bool,
 }
 
 impl<'a> Reader<'a> {
@@ -39,6 +43,8 @@ impl<'a> Reader<'a> {
             values: &tables.values,
             means,
             last_end: 0,
+            last_source: 0,
+            has_sources: tables.has_sources(),
         })
     }
 
@@ -49,6 +55,20 @@ impl<'a> Reader<'a> {
             .decoder
             .symbol(0, &self.tables.ends[end_model(self.last_end)].buckets);
         self.last_end
+    }
+
+    /// Whether blocks may have sources.
+    #[inline(always)]
+    pub(in crate::codec::pyramid_dct) fn has_sources(&self) -> bool {
+        self.has_sources
+    }
+
+    /// How many blocks back the block lies to which the next one, which has diagonals, adds; 0 for none.
+    #[inline(always)]
+    pub(in crate::codec::pyramid_dct) fn source(&mut self) -> usize {
+        let model = &self.tables.sources[source_model(self.last_source)];
+        self.last_source = self.decoder.symbol(1, &model.buckets);
+        self.last_source
     }
 
     /// Decodes the first `end` diagonals of a block, times `step`, into `block`. Takes nothing as known before, and

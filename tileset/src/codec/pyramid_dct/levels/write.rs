@@ -1,6 +1,6 @@
 //! Coefficients to levels to symbols.
 
-use super::{ESCAPE, end_model, symbol_of};
+use super::{ESCAPE, symbol_of};
 use crate::codec::pyramid_dct::context::{Context, Expected, Means, magnitude};
 use crate::codec::pyramid_dct::scan::{DIAGONALS, Place, Scan};
 use crate::codec::pyramid_dct::tables::PageTables;
@@ -11,6 +11,8 @@ use crate::codec::rans::{Encoder, Model};
 pub(in crate::codec::pyramid_dct) trait Sink {
     /// The number of diagonals of a block.
     fn end(&mut self, model: usize, end: usize);
+    /// To which block before it a block adds.
+    fn source(&mut self, model: usize, source: usize);
     /// The levels of the four components at one place.
     fn levels(&mut self, found: &[Found; 4]);
 }
@@ -33,30 +35,18 @@ pub(in crate::codec::pyramid_dct) struct Chosen {
     /// Diagonals that are coded.
     pub(in crate::codec::pyramid_dct) end: usize,
     /// Those of all places of these diagonals.
-    levels: Vec<[Found; 4]>,
+    pub(in crate::codec::pyramid_dct) levels: Vec<[Found; 4]>,
     /// Squared error and bits that are worth it, together; in squared steps.
     pub(in crate::codec::pyramid_dct) cost: f32,
-    /// The squared error if the block were empty.
-    pub(in crate::codec::pyramid_dct) energy: f32,
 }
 
-impl Chosen {
-    /// Gives the levels to `sink`; returns the number of diagonals.
-    pub(in crate::codec::pyramid_dct) fn write(&self, sink: &mut impl Sink, last_end: usize) -> usize {
-        sink.end(end_model(last_end), self.end);
-        for found in &self.levels {
-            sink.levels(found);
-        }
-        self.end
-    }
-}
-
-/// Chooses the levels of a block of coefficients, given in steps. `choose` gives the level of a coefficient and what
-/// it costs, `end_cost` what a number of diagonals costs, both in squared steps.
+/// Chooses the levels of a block of coefficients, given in steps, on `least` diagonals or more. `choose` gives the level
+/// of a coefficient and what it costs, `end_cost` what a number of diagonals costs, both in squared steps.
 pub(in crate::codec::pyramid_dct) fn choose_levels(
     scan: &Scan,
     means: Means,
     coefficients: &Block,
+    least: usize,
     choose: impl Fn(f32, Context) -> (i32, f32),
     end_cost: impl Fn(usize) -> f32,
 ) -> Chosen {
@@ -70,7 +60,10 @@ pub(in crate::codec::pyramid_dct) fn choose_levels(
         .sum();
     // What the places so far cost, and what all behind them do if they are left out.
     let (mut cost, mut rest) = (0.0, energy);
-    let (mut best, mut end) = (energy + end_cost(0), 0);
+    let (mut best, mut end) = match least {
+        0 => (energy + end_cost(0), 0),
+        _ => (f32::INFINITY, 0),
+    };
     for diagonal in 1..=DIAGONALS {
         let first = levels.len();
         let of_diagonal = &scan.places(diagonal)[first..];
@@ -96,7 +89,7 @@ pub(in crate::codec::pyramid_dct) fn choose_levels(
                 expected.add(grid, found.map(|found| magnitude(found.level)));
             }
         }
-        if !empty {
+        if !empty || diagonal == least {
             let total = cost + rest + end_cost(diagonal);
             if total < best {
                 (best, end) = (total, diagonal);
@@ -108,7 +101,6 @@ pub(in crate::codec::pyramid_dct) fn choose_levels(
         end,
         levels,
         cost: best,
-        energy,
     }
 }
 
@@ -116,13 +108,17 @@ pub(in crate::codec::pyramid_dct) fn choose_levels(
 pub(in crate::codec::pyramid_dct) struct Coder<'a> {
     pub(in crate::codec::pyramid_dct) tables: &'a PageTables,
     pub(in crate::codec::pyramid_dct) encoder: Encoder<'a>,
-    /// Sum of the squares of what the levels stand for, in steps.
-    pub(in crate::codec::pyramid_dct) energy: f64,
 }
 
 impl Sink for Coder<'_> {
     fn end(&mut self, model: usize, end: usize) {
         self.encoder.symbol(0, &self.tables.ends[model], end);
+    }
+
+    fn source(&mut self, model: usize, source: usize) {
+        if self.tables.has_sources() {
+            self.encoder.symbol(1, &self.tables.sources[model], source);
+        }
     }
 
     fn levels(&mut self, found: &[Found; 4]) {
@@ -131,7 +127,6 @@ impl Sink for Coder<'_> {
         for (lane, (found, symbol)) in found.iter().zip(symbols).enumerate() {
             let model = &self.tables.models[usize::from(found.context.model)];
             self.encoder.symbol(lane, model, symbol);
-            self.energy += f64::from(self.tables.value(found.context, found.level)).powi(2);
         }
         for (lane, (found, symbol)) in found.iter().zip(symbols).enumerate() {
             self.rest(lane, found, symbol);

@@ -18,6 +18,7 @@
 
 use half::f16;
 
+use super::source::Before;
 use super::{Blocks, parent_origin, scan_of, step_at};
 use crate::codec::page::check_step;
 use crate::codec::pyramid_dct::border;
@@ -120,11 +121,12 @@ impl dispatch::Work for Walk<'_> {
         let mut spare = None;
         let mut block: Block = [Texel::default(); AREA];
         let mut expected = Expected::new();
+        let mut before = Before::new();
         let mut values = Values::new();
         for (at, corner) in self.blocks.corners().enumerate() {
-            let scan = scan_of(&self.blocks.place(corner), &mut spare);
-            let end = reader.end();
-            processor.read(reader, scan, end, 1.0, &mut block, &mut expected);
+            let place = self.blocks.place(corner);
+            let scan = scan_of(&place, &mut spare);
+            let end = before.read(processor, reader, &place, scan, 1.0, &mut block, &mut expected)?;
             values.gather(processor, scan.places(end), &block);
             let (count, whole) = (values.count as u32, values.whole as u32);
             words[at] = count | whole << WHOLE_SHIFT | (words.len() as u32) << START_SHIFT;
@@ -209,7 +211,7 @@ impl Values {
 mod tests {
     use super::*;
     use crate::codec::pyramid_dct::page::low_scale;
-    use crate::codec::pyramid_dct::page::tests::coded;
+    use crate::codec::pyramid_dct::page::tests::repeated;
     use crate::codec::pyramid_dct::scan::index;
     use crate::codec::pyramid_dct::transform::matrices;
     use crate::{BORDER_TEXELS, Page, SLOT_AREA, SLOT_TEXELS};
@@ -278,9 +280,9 @@ mod tests {
 
         #[test]
         fn coefficients_and_parent_are_the_page(
-            width in 1u32..150, height in 1u32..100, log_step in -9f64..1.0, seed: u32,
+            width in 1u32..150, height in 1u32..100, tile in 1u32..5, log_step in -9f64..1.0, seed: u32,
         ) {
-            let coded = coded(width, height, log_step.exp2(), seed);
+            let coded = repeated(width, height, (16 * tile, 16), log_step.exp2(), seed);
             let decoded = coded.decode_all();
             for page in &coded.pages {
                 let id = PageId { group: 0, tile: page.tile };
@@ -312,8 +314,9 @@ mod tests {
             damage in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..4),
             noise in prop::collection::vec(any::<u8>(), 0..600),
             cut: prop::sample::Index,
+            tile in prop::sample::select(vec![(100, 70), (16, 32)]),
         ) {
-            let coded = coded(100, 70, 0.02, 7);
+            let coded = repeated(100, 70, tile, 0.02, 7);
             let parent = Page { texels: vec![[f16::ONE; 4]; SLOT_AREA] };
             for page in coded.pages.iter().filter(|page| page.tile != coded.pyramid.root()) {
                 let mut bytes = page.bytes.clone();

@@ -2,6 +2,7 @@
 
 use half::f16;
 
+use super::source::Before;
 use super::{Blocks, Place, low_scale, parent_origin, scan_of, step_at};
 use crate::codec::pyramid_dct::border;
 use crate::codec::pyramid_dct::context::Expected;
@@ -84,16 +85,22 @@ impl dispatch::Work for Payload<'_> {
         let mut spare = None;
         let mut block: Block = [Texel::default(); AREA];
         let mut expected = Expected::new();
+        let mut before = Before::new();
         let mut lines = full::lines(processor);
         for corner in self.blocks.corners() {
             let place = self.blocks.place(corner);
             let scan = scan_of(&place, &mut spare);
             let mut end = 0;
             if let Some(reader) = &mut self.reader {
-                end = reader.end();
-                if end > 0 {
-                    processor.read(reader, scan, end, self.step, &mut block, &mut expected);
-                }
+                end = before.read(
+                    processor,
+                    reader,
+                    &place,
+                    scan,
+                    self.step,
+                    &mut block,
+                    &mut expected,
+                )?;
             }
             match (self.parent, over(self.slot, &place)) {
                 (Some((parent, origin)), Some(over)) if let Some(under) = under(parent, origin, &place) => {

@@ -3,6 +3,7 @@
 mod coefficients;
 mod decode;
 mod encode;
+mod source;
 
 use std::sync::LazyLock;
 

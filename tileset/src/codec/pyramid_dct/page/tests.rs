@@ -8,6 +8,7 @@ use super::*;
 use crate::codec::MipImage;
 use crate::codec::pyramid_dct::dispatch::{self, Any, Work};
 use crate::codec::pyramid_dct::tables::{PageTables, Statistics};
+use crate::codec::rans::Model;
 use crate::{PAGE_TEXELS, Page, PageId, Result, SLOT_AREA, SLOT_TEXELS};
 
 /// A group's pages, and what they decode with.
@@ -21,14 +22,19 @@ pub(super) struct Coded {
 
 /// A picture of waves and noise, with some values far larger than the rest, coded.
 pub(super) fn coded(width: u32, height: u32, step: f64, seed: u32) -> Coded {
+    repeated(width, height, (width, height), step, seed)
+}
+
+/// The same, cut to this size and repeated.
+pub(super) fn repeated(width: u32, height: u32, (across, down): (u32, u32), step: f64, seed: u32) -> Coded {
     let pyramid = Pyramid::new(width, height, false).unwrap();
     let mut state = seed;
     let mut noise = || {
         state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
         (state >> 8) as f32 / (1 << 24) as f32 - 0.5
     };
-    let texels = (0..width * height).map(|i| {
-        let wave = ((i % width) as f32 * 0.07).sin() + ((i / width) as f32 * 0.31).cos();
+    let texels = (0..across * down).map(|i| {
+        let wave = ((i % across) as f32 * 0.07).sin() + ((i / across) as f32 * 0.31).cos();
         let peak = if i % 997 == 0 { 900.0 } else { 1.0 };
         [
             wave,
@@ -37,6 +43,8 @@ pub(super) fn coded(width: u32, height: u32, step: f64, seed: u32) -> Coded {
             if i % 5 == 0 { noise() } else { 0.0 },
         ]
     });
+    let one: Vec<[f32; 4]> = texels.collect();
+    let texels = (0..width * height).map(|i| one[(i / width % down * across + i % width % across) as usize]);
     let mut mips = vec![MipImage {
         width,
         height,
@@ -115,8 +123,16 @@ impl Coded {
 
 #[test]
 fn errors_are_those_of_the_step() {
-    for (width, height) in [(128, 128), (150, 77), (33, 200), (5, 3)] {
-        let coded = coded(width, height, 0.05, 1);
+    for (width, height, tile) in [
+        (128, 128, None),
+        (150, 77, None),
+        (33, 200, None),
+        (5, 3, None),
+        (128, 128, Some((16, 32))),
+        (100, 200, Some((32, 16))),
+    ] {
+        let coded = repeated(width, height, tile.unwrap_or((width, height)), 0.05, 1);
+        assert!(tile.is_none() || coded.tables.has_sources());
         let decoded = coded.decode_all();
         let (mut sum, mut count) = (0.0, 0);
         for (tile, page) in decoded.iter().filter(|(tile, _)| tile.mip == 0) {
@@ -169,6 +185,42 @@ fn what_was_in_the_slot_does_not_matter() {
 }
 
 #[test]
+fn what_repeats_takes_few_bytes() {
+    let bytes = |coded: &Coded| coded.pages.iter().map(|page| page.bytes.len()).sum::<usize>();
+    let (noise, tiles) = (coded(256, 128, 0.05, 1), repeated(256, 128, (32, 64), 0.05, 1));
+    let (noise_bytes, tiles_bytes) = (bytes(&noise), bytes(&tiles));
+    assert!(
+        2 * tiles_bytes < noise_bytes,
+        "{tiles_bytes} of {noise_bytes} bytes"
+    );
+}
+
+#[test]
+fn sources_outside_the_page_are_an_error() {
+    // Blocks of (48, 64) and, at the end of each row of blocks, of (2, 64) texels.
+    let mut coded = repeated(50, 128, (16, 16), 0.05, 1);
+    let decoded = coded.decode_all();
+    let page = coded
+        .pages
+        .iter()
+        .find(|page| page.tile.mip == 0)
+        .unwrap()
+        .clone();
+    let parent = coded.pyramid.parent(page.tile).map(|parent| &decoded[&parent]);
+    assert!(coded.tables.has_sources());
+    // With the models of another archive, streams say anything.
+    let mut said = Vec::new();
+    for shift in 1..16 {
+        let counts = std::array::from_fn::<u32, 16, _>(|source| if source == shift { 1000 } else { 1 });
+        coded.tables.sources = vec![Model::from_counts(&counts); 2];
+        if let Err(error) = coded.decode(page.tile, &page.bytes, parent) {
+            said.push(error.to_string());
+        }
+    }
+    assert!(said.iter().any(|said| said.contains("before it")), "{said:?}");
+}
+
+#[test]
 fn missing_models_are_an_error() {
     let coded = coded(64, 64, 0.1, 3);
     let untrained = Statistics::new(&coded.pyramid, 1, false).tables();
@@ -185,9 +237,9 @@ proptest! {
 
     #[test]
     fn every_processor_decodes_the_same_bits(
-        width in 1u32..180, height in 1u32..100, log_step in -9f64..1.0, seed: u32,
+        width in 1u32..180, height in 1u32..100, tile in 1u32..5, log_step in -9f64..1.0, seed: u32,
     ) {
-        let coded = coded(width, height, log_step.exp2(), seed);
+        let coded = repeated(width, height, (16 * tile, 16), log_step.exp2(), seed);
         let decoded = coded.decode_all();
         for page in &coded.pages {
             let parent = coded.pyramid.parent(page.tile).map(|parent| &decoded[&parent]);
@@ -206,8 +258,9 @@ proptest! {
         noise in prop::collection::vec(any::<u8>(), 0..600),
         cut: prop::sample::Index,
         log_step in -9f64..100.0,
+        tile in prop::sample::select(vec![(100, 70), (16, 32)]),
     ) {
-        let mut coded = coded(100, 70, 0.02, 7);
+        let mut coded = repeated(100, 70, tile, 0.02, 7);
         let decoded = coded.decode_all();
         coded.step = log_step.exp2();
         for page in &coded.pages {
