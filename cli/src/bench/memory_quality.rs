@@ -11,6 +11,7 @@ use clap::{Args, ValueEnum};
 use scenes::Camera;
 
 use super::engine;
+use crate::cache::CacheArguments;
 use crate::render::reference::References;
 use crate::render::{own_folder, parse_size};
 use crate::{file, progress};
@@ -25,6 +26,8 @@ pub(crate) struct Arguments {
     /// Tile server (http://HOST:PORT) or folder of archives; without it the scene's own folder.
     #[arg(long, value_name = "URL|DIR", requires = "scene")]
     tiles: Option<String>,
+    #[command(flatten)]
+    cache: CacheArguments,
     /// Camera path, of which the first view is taken; without it the scene's first camera, or one that shows everything.
     #[arg(long, visible_alias = "path", value_name = "PATH.json", requires = "scene")]
     camera: Option<PathBuf>,
@@ -151,7 +154,7 @@ fn subject(arguments: &Arguments, path: &Path) -> Result<Subject> {
     Ok(Subject {
         name: engine::name(path),
         scene,
-        archives: Archives::At(tiles),
+        archives: Archives::At(tiles, arguments.cache.open_options()?),
         cameras,
     })
 }
