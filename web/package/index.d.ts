@@ -86,7 +86,7 @@ export interface Progress extends Report {
   progress: number;
 }
 
-export interface EigentileViewerEventMap extends HTMLElementEventMap {
+export interface EigentileViewerEventMap extends Omit<HTMLElementEventMap, "progress" | "error"> {
   /** The scene is there; pictures follow. */
   open: CustomEvent<null>;
   firstpicture: CustomEvent<Progress>;

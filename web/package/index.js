@@ -303,6 +303,7 @@ export class EigentileViewer extends HTMLElement {
   };
 
   #tell(event) {
+    if (!this.#session) return; // whoever listened has closed it
     const report = this.report;
     this.#report = report;
     const { predicted_rms: rms, settled } = report.frame;
@@ -319,6 +320,7 @@ export class EigentileViewer extends HTMLElement {
   }
 
   #changedLink() {
+    if (!this.#session) return;
     const link = this.#session.link();
     if (link === this.#link) return;
     this.#link = link;
@@ -326,6 +328,7 @@ export class EigentileViewer extends HTMLElement {
   }
 
   #connected(connection) {
+    if (!this.#session) return;
     if (connection === 2) {
       const { message } = JSON.parse(this.#session.report()).connection;
       this.#notice(`Not all can be loaded; what is here stays. ${message ?? ""}`);

@@ -32,6 +32,7 @@ button[aria-pressed=true] { background: #ffe08a; color: #111; }
 dialog { color: #eee; background: #222; border: 1px solid #888; border-radius: 0.5rem; max-height: 80%; }
 dialog::backdrop { background: #0008; }
 th { text-align: start; font-weight: 600; padding: 0.15rem 1rem 0.15rem 0; vertical-align: top; }
+@container (max-width: 28rem) { .toolbar button { padding: 0.3rem 0.45rem; } }
 @container (max-width: 15rem) { .toolbar { display: none; } }
 @media (prefers-reduced-motion: reduce) { :host * { transition: none !important; } }
 `);

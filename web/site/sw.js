@@ -2,6 +2,8 @@
 // the viewer itself (eigentile-viewer/store.js), by content.
 
 const CACHE = "eigentile-page-1";
+/** Files that are kept; the oldest are given up first. */
+const MOST_FILES = 500;
 
 addEventListener("install", () => skipWaiting());
 addEventListener("activate", (event) => event.waitUntil(clients.claim()));
@@ -40,4 +42,6 @@ async function keep(addresses) {
     if (isKept(address, "GET") && !await cache.match(address)) await cache.add(address);
   };
   await Promise.allSettled(addresses.map(one));
+  const kept = await cache.keys();
+  await Promise.all(kept.slice(0, Math.max(kept.length - MOST_FILES, 0)).map((request) => cache.delete(request)));
 }

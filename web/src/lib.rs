@@ -5,7 +5,7 @@
 //! - `database`: the store over the page's IndexedDB (`package/store.js`).
 //! - `session`: what the page holds: a scene or an archive in a canvas; input in, frames and a report out.
 //!
-//! Nothing here waits, and nothing runs by itself: the page calls [`session::Session::frame`] when the browser wants a
+//! Nothing here waits, and nothing runs by itself: the page calls `Session::frame` when the browser wants a
 //! frame. Everything that needs a browser is left out elsewhere, so that the rest can be tested there.
 
 pub mod kept;
