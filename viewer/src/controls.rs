@@ -76,6 +76,8 @@ pub struct Controls {
     /// Middle and radius of the scene.
     centre: Vec3,
     radius: f32,
+    /// Least distance from the point that it turns around.
+    nearest: f32,
     /// Height of the picture in pixels.
     height: f32,
     pointer: Vec2,
@@ -96,8 +98,7 @@ impl Controls {
         let finite = |vector: Vec3| if vector.is_finite() { vector } else { Vec3::ZERO };
         let centre = finite((min + max) * 0.5).clamp(Vec3::splat(-1e9), Vec3::splat(1e9));
         let radius = Some((max - min).length() * 0.5).filter(|radius| radius.is_finite());
-        // Far from the origin floats cannot tell nearer places apart.
-        let least = (centre.length() * 1e-2).max(1e-2);
+        let radius = radius.unwrap_or(1.0).clamp(1e-2, 1e9);
         let mut controls = Self {
             mode: Mode::Orbit,
             target: centre,
@@ -107,7 +108,9 @@ impl Controls {
             fov_y: 0.7,
             near: 0.01,
             centre,
-            radius: radius.unwrap_or(1.0).min(1e9).max(least),
+            radius,
+            // Far from the origin floats cannot tell nearer places apart.
+            nearest: (radius * NEAREST).max(centre.length() * 1e-4),
             height: 720.0,
             pointer: Vec2::ZERO,
             drag: None,
@@ -360,7 +363,7 @@ impl Controls {
     }
 
     fn limited(&self, distance: f32) -> f32 {
-        distance.clamp(self.radius * NEAREST, self.radius * FURTHEST)
+        distance.clamp(self.nearest, (self.radius * FURTHEST).max(self.nearest * 2.0))
     }
 
     fn forward(&self) -> Vec3 {
