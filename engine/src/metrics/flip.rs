@@ -144,8 +144,8 @@ const NEARLY_WHITE: f64 = 0.85;
 const ACES: [[f64; 3]; 2] = [[0.36 * 2.51, 0.6 * 0.03, 0.0], [0.36 * 2.43, 0.6 * 0.59, 0.14]];
 
 fn aces(x: f64) -> f64 {
-    // Not `f64::max`, which would turn a value that is not a number into black.
-    let x = if x < 0.0 { 0.0 } else { x.min(1e30) };
+    // Neither `f64::max` nor `f64::min`, which pass over values that are not numbers; `clamp` does not.
+    let x = x.clamp(0.0, 1e30);
     let of = |[a, b, c]: [f64; 3]| (a * x + b) * x + c;
     (of(ACES[0]) / of(ACES[1])).clamp(0.0, 1.0)
 }
@@ -168,9 +168,8 @@ fn exposures(reference: &Picture) -> (f64, f64) {
     let Some(&brightest) = luminances.last().filter(|brightest| **brightest > 0.0) else {
         return (0.0, 0.0);
     };
-    // As numpy's percentile: between the two in the middle.
-    let last = luminances.len() - 1;
-    let median = (luminances[last / 2] + luminances[last.div_ceil(2)]) / 2.0;
+    // Of two in the middle the larger, as the authors' program.
+    let median = luminances[luminances.len() / 2];
     let start = (white / brightest).log2();
     // A picture that is half black has no exposure that would make its median white.
     let stop = if median > 0.0 {
