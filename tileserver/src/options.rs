@@ -21,7 +21,8 @@ pub struct Options {
     /// For how long the list of the archives is taken to be right; then the store is asked again when a
     /// catalogue, a manifest, an archive or an id that is not open is asked for.
     pub list_age: Duration,
-    /// Longest time a client may take for the head of a request, or for a TLS handshake.
+    /// Longest time a client may take for the head of a request from its first byte (HTTP/1.1), for the first byte of a connection, or for a
+    /// TLS handshake.
     pub header_timeout: Duration,
     /// Longest time until an answer begins; then 503.
     pub request_timeout: Duration,

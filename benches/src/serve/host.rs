@@ -69,14 +69,7 @@ impl Host {
         command
             .args(["serve", "--listen", "127.0.0.1:0"])
             .arg(site.tiles());
-        command.args([
-            "--idle-timeout",
-            &idle,
-            "--header-timeout",
-            &idle,
-            "--requests",
-            "16384",
-        ]);
+        command.args(["--idle-timeout", &idle, "--requests", "16384"]);
         let spawned = command
             .env("RUST_LOG", "warn")
             .stdin(Stdio::null())

@@ -65,15 +65,10 @@ impl Engine {
         let upcoming = self.residency.upcoming(most);
         let now = self.now();
         let residency = &*self.residency;
-        self.records.follow(
-            &plan,
-            &upcoming,
-            &|item| residency.wants(item),
-            now,
-            &self.btfs,
-            &mut *self.source,
-            &mut self.counters,
-        );
+        let (source, counters) = (&mut *self.source, &mut self.counters);
+        self.records.follow(&plan, now, &self.btfs, source, counters);
+        let wants = |item| residency.wants(item);
+        self.records.reorder(&upcoming, &wants, &self.btfs, source, counters);
     }
 
     /// Submits requests and takes the answers that are there: at most as many as can be in flight, so that a

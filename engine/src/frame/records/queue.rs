@@ -17,13 +17,10 @@ use crate::{
 };
 
 impl Records {
-    /// Starts what a plan asks for and gives up what it cancels; fetches in the order of `upcoming`, also what is not
-    /// asked for yet. `wants` says whether something is worth having at all.
+    /// Starts what a plan asks for and gives up what it cancels.
     pub(in crate::frame) fn follow(
         &mut self,
         plan: &Plan,
-        upcoming: &[Item],
-        wants: &dyn Fn(Item) -> bool,
         now: f64,
         btfs: &[Arc<Btf>],
         source: &mut dyn TileSource,
@@ -31,6 +28,17 @@ impl Records {
     ) {
         self.cancel(&plan.cancel, btfs, source, counters);
         self.request(&plan.request, now, btfs, counters);
+    }
+
+    /// Fetches in the order of `upcoming`, also what is not asked for yet. `wants` says whether something is worth having at all.
+    pub(in crate::frame) fn reorder(
+        &mut self,
+        upcoming: &[Item],
+        wants: &dyn Fn(Item) -> bool,
+        btfs: &[Arc<Btf>],
+        source: &mut dyn TileSource,
+        counters: &mut Counters,
+    ) {
         self.arrange(upcoming, btfs);
         self.abort_stale(wants, btfs, source, counters);
     }
