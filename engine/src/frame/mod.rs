@@ -32,4 +32,4 @@ pub use engine::Engine;
 pub use events::Event;
 pub use options::{Budgets, Decode, MAX_FEEDBACK_STRIDE, MAX_PREFETCH_SECONDS, MIN_HOST_BYTES, Options};
 pub use policy::Policy;
-pub use stats::{Counters, FrameStats, Milliseconds};
+pub use stats::{Clock, Counters, FrameStats, Milliseconds};

@@ -97,31 +97,47 @@ pub struct Counters {
     pub requests_failed: u64,
 }
 
-/// Measures phases. Browsers have no clock here: everything takes no time there.
-pub(super) struct Stopwatch {
+/// A clock: the time since some moment that stays the same.
+pub type Clock = fn() -> Duration;
+
+/// The time that passes. Browsers have no clock here: everything takes no time there.
+pub(super) fn wall_clock() -> Duration {
     #[cfg(not(target_arch = "wasm32"))]
-    start: std::time::Instant,
+    {
+        static START: std::sync::LazyLock<std::time::Instant> =
+            std::sync::LazyLock::new(std::time::Instant::now);
+        START.elapsed()
+    }
+    #[cfg(target_arch = "wasm32")]
+    Duration::ZERO
+}
+
+/// Measures phases.
+pub(super) struct Stopwatch {
+    clock: Clock,
+    start: Duration,
 }
 
 impl Stopwatch {
     pub(super) fn start() -> Self {
+        Self::by(wall_clock)
+    }
+
+    pub(super) fn by(clock: Clock) -> Self {
         Self {
-            #[cfg(not(target_arch = "wasm32"))]
-            start: std::time::Instant::now(),
+            clock,
+            start: clock(),
         }
     }
 
     pub(super) fn elapsed(&self) -> Duration {
-        #[cfg(not(target_arch = "wasm32"))]
-        return self.start.elapsed();
-        #[cfg(target_arch = "wasm32")]
-        return Duration::ZERO;
+        (self.clock)().saturating_sub(self.start)
     }
 
     /// Milliseconds since the start or the last lap.
     pub(super) fn lap(&mut self) -> f64 {
-        let elapsed = self.elapsed();
-        *self = Self::start();
-        elapsed.as_secs_f64() * 1e3
+        let now = (self.clock)();
+        let lap = now.saturating_sub(std::mem::replace(&mut self.start, now));
+        lap.as_secs_f64() * 1e3
     }
 }
