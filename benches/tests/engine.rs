@@ -1,11 +1,77 @@
 //! Measuring frames, and recording votes, on a small scene: the figures are complete and agree with each other.
 
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+use std::time::Duration;
+
 use benches::engine::{Plan, built_in, measure, table};
 use benches::policy::{self, Trace, record};
+use engine::frame::{Engine, Options};
+use engine::gpu::Context;
+
+/// Counts what each thread allocates.
+struct Counting;
+
+thread_local! {
+    static ALLOCATIONS: Cell<u64> = const { Cell::new(0) };
+}
+
+// SAFETY: all is left to the system's allocator; counting neither allocates nor needs a destructor.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        ALLOCATIONS.set(ALLOCATIONS.get() + 1);
+        // SAFETY: the caller's promises are those that are asked for.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        // SAFETY: likewise.
+        unsafe { System.dealloc(pointer, layout) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+#[test]
+fn a_frame_of_a_settled_view_allocates_nothing() {
+    let subject = built_in(3, 1, 40).unwrap();
+    let options = Options {
+        size: (64, 36),
+        wait: false,
+        ..Options::default()
+    };
+    let source = subject.archives.source().unwrap();
+    let mut engine = Engine::new(Context::headless().unwrap(), &subject.scene, source, options).unwrap();
+    engine.wait_for_materials(Duration::from_secs(60)).unwrap();
+    let mut most = 0;
+    for camera in &subject.flight {
+        let before = ALLOCATIONS.get();
+        engine.step(camera).unwrap();
+        most = most.max(ALLOCATIONS.get() - before);
+        engine.wait().unwrap();
+    }
+    println!("at most {most} allocations in a frame in motion");
+    let camera = subject.cameras[0];
+    assert!(
+        engine
+            .settle(&camera, Duration::from_secs(60))
+            .unwrap()
+            .last()
+            .unwrap()
+            .settled
+    );
+    engine.frame(&camera).unwrap();
+    let before = ALLOCATIONS.get();
+    for _ in 0..10 {
+        engine.frame(&camera).unwrap();
+    }
+    assert_eq!(ALLOCATIONS.get() - before, 0);
+}
 
 #[test]
 fn frames_are_measured_and_a_static_view_does_nothing() {
-    let subject = built_in(2, 2).unwrap();
+    let subject = built_in(2, 2, 3).unwrap();
     let plan = Plan {
         size: (64, 36),
         page_cache_bytes: 32 << 20,
@@ -38,8 +104,8 @@ fn frames_are_measured_and_a_static_view_does_nothing() {
     assert_eq!(skipped.groups.iter().sum::<u64>(), 4 * covered, "{skipped:?}");
     assert_eq!(skipped.groups[2], 0);
     assert!(skipped.vote_bytes[0] > 0.0 && skipped.workgroups[0] < skipped.workgroups[1]);
-    // Two frames are too few for pages to arrive for sure.
-    assert!(case.motion.frames == 2 && case.motion.cpu_ms.all > 0.0);
+    // Three frames are too few for pages to arrive for sure.
+    assert!(case.motion.frames == 3 && case.motion.cpu_ms.all > 0.0 && case.motion.wall_ms.all > 0.0);
     assert!(case.motion.placed >= case.motion.swapped);
     let lines = table(&[case]);
     assert_eq!(lines.matches("tori, 2 materials").count(), 5, "{lines}");
@@ -47,7 +113,7 @@ fn frames_are_measured_and_a_static_view_does_nothing() {
 
 #[test]
 fn a_scene_is_recorded_and_replayed() {
-    let subject = built_in(2, 3).unwrap();
+    let subject = built_in(2, 3, 0).unwrap();
     let source = subject.archives.source().unwrap();
     let size = (64, 36);
     let trace = record("tori", &subject.scene, source, size, &subject.cameras, &|_| ()).unwrap();

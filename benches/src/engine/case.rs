@@ -69,7 +69,7 @@ pub struct Case {
     pub duel: Duel,
     /// The camera stands still.
     pub still: Stand,
-    /// From an empty cache that holds half of what the way wants; the flight of all rounds with the least median.
+    /// From an empty cache that holds half of what the way wants.
     pub motion: Motion,
     /// Work that was not needed.
     pub skipped: Skipped,
@@ -105,7 +105,7 @@ pub struct Skipped {
 /// # Errors
 /// [`Error::Invalid`] for a way without views or materials that do not come; those of the engine.
 pub fn measure(subject: &Subject, plan: &Plan, progress: &dyn Fn(&str)) -> Result<Case> {
-    let Some(&last) = subject.cameras.last() else {
+    let (Some(&last), false) = (subject.cameras.last(), subject.flight.is_empty()) else {
         return Err(Error::Invalid {
             what: "the way of the camera",
             found: "without a view".into(),
@@ -146,15 +146,8 @@ pub fn measure(subject: &Subject, plan: &Plan, progress: &dyn Fn(&str)) -> Resul
         column_cache_bytes: columns,
         ..*plan
     };
-    // What else the machine does only adds to the times: the flight that took the least counts.
-    let fly = || Motion::measure(&mut start(context.clone(), subject, &small)?, &subject.cameras);
-    let mut motion = fly()?;
-    for _ in 1..plan.rounds {
-        let next = fly()?;
-        if next.cpu_ms.all < motion.cpu_ms.all {
-            motion = next;
-        }
-    }
+    let start = || start(context.clone(), subject, &small);
+    let motion = Motion::measure(start, &subject.flight, plan.rounds)?;
     Ok(Case {
         name: subject.name.clone(),
         materials: subject.scene.archives().len(),

@@ -1,6 +1,11 @@
 //! The camera flies from an empty cache: what the CPU does in a frame, by phase, and what is skipped.
+//!
+//! Pictures are not shaded: nothing of the CPU's work depends on them, and an adapter that draws on the CPU would take the
+//! time, and the caches, of what is measured.
 
-use engine::frame::{Counters, Engine, Milliseconds};
+use std::time::Duration;
+
+use engine::frame::{Clock, Counters, Engine, Milliseconds};
 use scenes::Camera;
 use serde::Serialize;
 
@@ -45,17 +50,40 @@ impl CpuPhases {
     }
 }
 
-/// A flight.
+/// The processor time of this thread where the system tells it, the time that passes elsewhere.
+pub(super) fn thread_time() -> Duration {
+    #[cfg(target_os = "linux")]
+    {
+        let time = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);
+        Duration::new(time.tv_sec as u64, time.tv_nsec as u32)
+    }
+    #[cfg(not(target_os = "linux"))]
+    wall_time()
+}
+
+/// The time that passes.
+fn wall_time() -> Duration {
+    static START: std::sync::LazyLock<std::time::Instant> = std::sync::LazyLock::new(std::time::Instant::now);
+    START.elapsed()
+}
+
+/// Flights.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct Motion {
-    /// Frames.
+    /// Frames of each.
     pub frames: usize,
-    /// Medians over the frames.
+    /// Medians of the processor time of the frames' thread: what a frame works.
     pub cpu_ms: CpuPhases,
-    /// 95th percentiles.
+    /// 95th percentiles of the same.
     pub cpu_ms_95: CpuPhases,
+    /// Medians of the time that passes: with waiting for a processor that others have.
+    pub wall_ms: CpuPhases,
+    /// 95th percentiles of the same.
+    pub wall_ms_95: CpuPhases,
     /// Pages and columns that were placed.
     pub placed: u64,
+    /// Most of them in one frame.
+    pub most_placed: u32,
     /// Those of them that others gave way for.
     pub swapped: u64,
     /// Bytes that crossed the wire.
@@ -67,31 +95,76 @@ pub struct Motion {
 }
 
 impl Motion {
-    pub(super) fn measure(engine: &mut Engine, cameras: &[Camera]) -> Result<Self> {
-        let mut times = Vec::with_capacity(cameras.len());
-        let mut motion = Self {
+    /// Each round flies with both clocks, from engines that `start` makes. What else the machine does only adds to the
+    /// times, so for each clock the flight with the least median counts.
+    pub(super) fn measure(
+        start: impl Fn() -> Result<Engine>,
+        cameras: &[Camera],
+        rounds: usize,
+    ) -> Result<Self> {
+        let best = |clock: Clock| {
+            let mut best = Flight::measure(start()?, cameras, clock)?;
+            for _ in 1..rounds {
+                let next = Flight::measure(start()?, cameras, clock)?;
+                if next.quantile(0.5).all < best.quantile(0.5).all {
+                    best = next;
+                }
+            }
+            Ok::<_, crate::Error>(best)
+        };
+        let (worked, passed) = (best(thread_time)?, best(wall_time)?);
+        Ok(Self {
             frames: cameras.len(),
-            cpu_ms: CpuPhases::default(),
-            cpu_ms_95: CpuPhases::default(),
+            cpu_ms: worked.quantile(0.5),
+            cpu_ms_95: worked.quantile(0.95),
+            wall_ms: passed.quantile(0.5),
+            wall_ms_95: passed.quantile(0.95),
+            ..worked.motion
+        })
+    }
+}
+
+/// One flight.
+struct Flight {
+    times: Vec<Milliseconds>,
+    motion: Motion,
+}
+
+impl Flight {
+    fn measure(mut engine: Engine, cameras: &[Camera], clock: Clock) -> Result<Self> {
+        engine.time_with(clock);
+        let none = CpuPhases::default();
+        let mut times = Vec::with_capacity(cameras.len());
+        let mut motion = Motion {
+            frames: cameras.len(),
+            cpu_ms: none,
+            cpu_ms_95: none,
+            wall_ms: none,
+            wall_ms_95: none,
             placed: 0,
+            most_placed: 0,
             swapped: 0,
             wire_bytes: 0,
             host_bytes: 0,
             counters: Counters::default(),
         };
         for camera in cameras {
-            let stats = engine.frame(camera)?;
-            // A driver that draws on the CPU would compete with the next frame.
+            let stats = engine.step(camera)?;
+            // A driver that works on the CPU would compete with the next frame.
             engine.wait()?;
             times.push(stats.ms);
-            motion.placed += u64::from(stats.added) + u64::from(stats.swapped);
+            let placed = stats.added + stats.swapped;
+            motion.placed += u64::from(placed);
+            motion.most_placed = motion.most_placed.max(placed);
             motion.swapped += u64::from(stats.swapped);
             motion.wire_bytes = stats.wire_bytes_total;
             motion.host_bytes = motion.host_bytes.max(stats.host_bytes);
         }
-        motion.cpu_ms = CpuPhases::of(&times, 0.5);
-        motion.cpu_ms_95 = CpuPhases::of(&times, 0.95);
         motion.counters = engine.counters();
-        Ok(motion)
+        Ok(Self { times, motion })
+    }
+
+    fn quantile(&self, share: f64) -> CpuPhases {
+        CpuPhases::of(&self.times, share)
     }
 }

@@ -4,7 +4,7 @@ use engine::frame::{Engine, FrameStats};
 use scenes::Camera;
 use serde::Serialize;
 
-use super::motion::CpuPhases;
+use super::motion::{CpuPhases, thread_time};
 use crate::Result;
 
 /// Frames of a settled view.
@@ -18,7 +18,7 @@ pub struct Stand {
     pub asked: u64,
     /// Bytes of votes that came back.
     pub vote_bytes: u64,
-    /// Medians over the frames; `submit` is what it takes to find that there is nothing to submit.
+    /// Medians over the frames, of the processor time of their thread; `submit` is what it takes to find that there is nothing to submit.
     pub cpu_ms: CpuPhases,
     /// 95th percentiles.
     pub cpu_ms_95: CpuPhases,
@@ -28,6 +28,7 @@ impl Stand {
     /// Of an engine that has settled on this view. Also gives the last frame.
     pub(super) fn measure(engine: &mut Engine, camera: &Camera, frames: usize) -> Result<(Self, FrameStats)> {
         let (counters, vote_bytes) = (engine.counters(), engine.vote_bytes());
+        engine.time_with(thread_time);
         let mut last = engine.frame(camera)?;
         let mut times = vec![last.ms];
         let mut drawn = usize::from(last.drawn);

@@ -52,6 +52,8 @@ pub struct Subject {
     pub archives: Archives,
     /// Views, in the order in which the camera comes to them.
     pub cameras: Vec<Camera>,
+    /// The same way in the steps of a camera that moves.
+    pub flight: Vec<Camera>,
 }
 
 /// The grid of tori of the paper's first scene with at most 100 materials made by formula: 256² texels, 16 components,
@@ -59,7 +61,7 @@ pub struct Subject {
 ///
 /// # Errors
 /// None that is expected.
-pub fn built_in(materials: usize, frames: usize) -> Result<Subject> {
+pub fn built_in(materials: usize, frames: usize, flight_frames: usize) -> Result<Subject> {
     let materials = materials.clamp(1, 100);
     let made = (0..VARIANTS.min(materials as u32))
         .map(archive::make)
@@ -82,6 +84,7 @@ pub fn built_in(materials: usize, frames: usize) -> Result<Subject> {
         scene,
         archives: Archives::Made(named.collect()),
         cameras: PaperScene::Tori.flight().frames(frames).collect(),
+        flight: PaperScene::Tori.flight().frames(flight_frames).collect(),
     })
 }
 

@@ -180,7 +180,7 @@ const NEAR: f32 = 0.3;
 /// # Errors
 /// None that is expected.
 pub fn close_up(materials: usize, views: usize) -> Result<Subject> {
-    let mut subject = built_in(materials, views)?;
+    let mut subject = built_in(materials, views, 0)?;
     for camera in &mut subject.cameras {
         camera.eye = camera.target + NEAR * (camera.eye - camera.target);
     }

@@ -1,17 +1,16 @@
 //! `eigentile bench engine`: what virtual textures cost in a frame, and what is skipped.
 
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::Command;
 
-use ::benches::engine::{Archives, Case, Plan, Subject, built_in, measure, orbit, table};
-use anyhow::{Context, Result, ensure};
+use ::benches::engine::{Case, Plan, built_in, measure, table};
+use anyhow::{Result, ensure};
 use clap::Args;
-use scenes::{Camera, CameraPath, Scene};
 use serde::Serialize;
 
-use crate::cache::CacheArguments;
-use crate::render::{own_folder, parse_size};
+use super::viewed::{Viewed, cache_bytes};
+use crate::render::parse_size;
 use crate::{file, progress};
 
 /// Measure frames with virtual textures against frames with all resident, the CPU by phase, and work that is skipped.
@@ -21,20 +20,15 @@ pub(crate) struct Arguments {
     /// Scene: .gltf or .glb; without one a grid of tori with 1, 10 and 100 materials is made.
     #[arg(value_name = "SCENE.gltf")]
     scene: Option<PathBuf>,
-    /// Tile server (http://HOST:PORT) or folder of archives; without it the scene's own folder.
-    #[arg(long, value_name = "URL|DIR", requires = "scene")]
-    tiles: Option<String>,
-    #[command(flatten)]
-    cache: CacheArguments,
-    /// Camera path; without it a quarter of a circle around the scene.
-    #[arg(long, value_name = "PATH.json", requires = "scene")]
-    camera: Option<PathBuf>,
     /// Width and height of the pictures, pixels.
     #[arg(long, default_value = "320x180", value_parser = parse_size)]
     size: (u32, u32),
     /// Views along the path.
     #[arg(long, value_name = "N", default_value_t = 12)]
     frames: usize,
+    /// Views along the path in flight, where the CPU is measured.
+    #[arg(long, value_name = "N", default_value_t = 240)]
+    flight: usize,
     /// Times that the path is gone, with and without virtual textures, and in flight.
     #[arg(long, value_name = "N", default_value_t = 3)]
     rounds: usize,
@@ -44,9 +38,8 @@ pub(crate) struct Arguments {
     /// Memory on the GPU for pages and columns, MiB; all that the path wants should fit.
     #[arg(long, value_name = "N", default_value_t = 512)]
     cache_mib: u64,
-    /// Prints what was measured as JSON, and no progress.
-    #[arg(long)]
-    json: bool,
+    #[command(flatten)]
+    viewed: Viewed,
 }
 
 const EXAMPLES: &str = "\
@@ -58,7 +51,8 @@ Examples:
 Virtual is a whole frame. Resident is the same renderer with a copy of the same pages and columns, all that the path wants,
 where the shader computes their places: without page table, feedback, votes, decisions, streaming and border stitching.
 Where all pages of the scene take more than 1 GiB, it reads the page table instead, and the table says so. Both are drawn
-alternately; of each view the fastest of all rounds counts. Passes are timed on the GPU where it has timestamps.";
+alternately; of each view the fastest of all rounds counts. In flight the cache is empty at first and holds half of what the path
+wants; times of the CPU are those that the frames' thread has worked, and beside them those that have passed. Passes are timed on the GPU where it has timestamps.";
 
 /// Materials of the scenes that are made.
 const MATERIALS: [usize; 3] = [1, 10, 100];
@@ -78,6 +72,7 @@ struct Report {
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     for (name, value) in [
         ("--frames", arguments.frames),
+        ("--flight", arguments.flight),
         ("--rounds", arguments.rounds),
         ("--still", arguments.still),
     ] {
@@ -86,23 +81,29 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
             "{name} is {value}; it must be 1 to {MOST}"
         );
     }
-    let bytes = arguments
-        .cache_mib
-        .checked_mul(1 << 20)
-        .context("--cache-mib is too large")?;
+    let [page_cache_bytes, column_cache_bytes] = cache_bytes(arguments.cache_mib)?;
     let plan = Plan {
         size: arguments.size,
-        page_cache_bytes: bytes - bytes / 3,
-        column_cache_bytes: bytes / 3,
+        page_cache_bytes,
+        column_cache_bytes,
         rounds: arguments.rounds,
         static_frames: arguments.still,
     };
-    let spinner = progress::spinner("engine", arguments.json);
+    let spinner = progress::spinner("engine", arguments.viewed.json);
     let subjects = match &arguments.scene {
-        Some(scene) => vec![subject(arguments, scene)?],
+        Some(scene) => {
+            let Arguments {
+                viewed,
+                size,
+                frames,
+                flight,
+                ..
+            } = arguments;
+            vec![viewed.subject(scene, *size, *frames, *flight)?]
+        }
         None => {
             spinner.set_message("making materials");
-            let of = |materials| built_in(materials, arguments.frames);
+            let of = |materials| built_in(materials, arguments.frames, arguments.flight);
             MATERIALS.map(of).into_iter().collect::<::benches::Result<_>>()?
         }
     };
@@ -120,7 +121,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
             .collect::<Result<_>>()?,
     };
     spinner.finish_and_clear();
-    if arguments.json {
+    if arguments.viewed.json {
         return file::print_json(&report);
     }
     let (width, height) = plan.size;
@@ -130,49 +131,6 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         "{on}\n\n{}",
         table(&report.cases)
     )?)
-}
-
-fn subject(arguments: &Arguments, path: &Path) -> Result<Subject> {
-    let scenes::gltf::Loaded { scene, notes } = scenes::gltf::open(path)?;
-    if !arguments.json {
-        notes.iter().for_each(|note| eprintln!("note: {note}"));
-    }
-    let cameras = cameras(
-        &scene,
-        arguments.camera.as_deref(),
-        arguments.size,
-        arguments.frames,
-    )?;
-    let tiles = arguments.tiles.clone().map_or_else(|| own_folder(path), Ok)?;
-    Ok(Subject {
-        name: name(path),
-        scene,
-        archives: Archives::At(tiles, arguments.cache.open_options()?),
-        cameras,
-    })
-}
-
-/// The folder and the name of a scene: most are called "scene".
-pub(super) fn name(path: &Path) -> String {
-    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
-    let folder = path.parent().and_then(Path::file_name);
-    folder.map_or_else(
-        || stem.to_string(),
-        |folder| format!("{}/{stem}", folder.to_string_lossy()),
-    )
-}
-
-/// Views along a path, or around the scene.
-pub(super) fn cameras(
-    scene: &Scene,
-    path: Option<&Path>,
-    size: (u32, u32),
-    frames: usize,
-) -> Result<Vec<Camera>> {
-    match path {
-        Some(path) => Ok(CameraPath::load(path)?.frames(frames).collect()),
-        None => Ok(orbit(scene, size.0 as f32 / size.1 as f32, frames)),
-    }
 }
 
 /// What git says of the working folder, if it is there.

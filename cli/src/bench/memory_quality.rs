@@ -3,17 +3,16 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use ::benches::engine::{Archives, Subject, built_in};
+use ::benches::engine::{Subject, built_in};
 use ::benches::memory_quality::{Plan, Truth, csv, html, measure, table};
 use ::engine::gpu::PageFormat;
 use anyhow::{Context, Result};
 use clap::{Args, ValueEnum};
 use scenes::Camera;
 
-use super::engine;
-use crate::cache::CacheArguments;
+use super::viewed::Viewed;
+use crate::render::parse_size;
 use crate::render::reference::References;
-use crate::render::{own_folder, parse_size};
 use crate::{file, progress};
 
 /// Measure pictures over memory on the GPU, by format of the page cache and by rank, against full residency and the BTFs.
@@ -23,14 +22,6 @@ pub(crate) struct Arguments {
     /// Scene: .gltf or .glb; without one a grid of tori with a few materials is made.
     #[arg(value_name = "SCENE.gltf")]
     scene: Option<PathBuf>,
-    /// Tile server (http://HOST:PORT) or folder of archives; without it the scene's own folder.
-    #[arg(long, value_name = "URL|DIR", requires = "scene")]
-    tiles: Option<String>,
-    #[command(flatten)]
-    cache: CacheArguments,
-    /// Camera path, of which the first view is taken; without it the scene's first camera, or one that shows everything.
-    #[arg(long, visible_alias = "path", value_name = "PATH.json", requires = "scene")]
-    camera: Option<PathBuf>,
     /// Also compares with the uncompressed BTFs NPY_DIR/ARCHIVE.npy, shaded in f64.
     #[arg(long, value_name = "NPY_DIR", requires = "scene")]
     reference: Option<PathBuf>,
@@ -63,9 +54,8 @@ pub(crate) struct Arguments {
     /// Writes a line for each point.
     #[arg(long, value_name = "FILE.csv")]
     csv: Option<PathBuf>,
-    /// Prints what was measured as JSON, and no progress.
-    #[arg(long)]
-    json: bool,
+    #[command(flatten)]
+    viewed: Viewed,
 }
 
 const EXAMPLES: &str = "\
@@ -109,7 +99,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         steps: arguments.steps,
         most_bytes,
     };
-    let spinner = progress::spinner("memory and quality", arguments.json);
+    let spinner = progress::spinner("memory and quality", arguments.viewed.json);
     let subject = match &arguments.scene {
         Some(scene) => subject(arguments, scene)?,
         None => built_in(arguments.materials, 1)?,
@@ -135,26 +125,19 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     if let Some(path) = &arguments.csv {
         file::write(path, csv(&results).as_bytes())?;
     }
-    if arguments.json {
+    if arguments.viewed.json {
         return file::print_json(&results);
     }
     Ok(write!(std::io::stdout().lock(), "{}", table(&results))?)
 }
 
+/// The first view of a path; without one the scene's own, or one that shows everything.
 fn subject(arguments: &Arguments, path: &Path) -> Result<Subject> {
-    let scenes::gltf::Loaded { scene, notes } = scenes::gltf::open(path)?;
-    if !arguments.json {
-        notes.iter().for_each(|note| eprintln!("note: {note}"));
+    let mut subject = arguments.viewed.subject(path, arguments.size, 1, 0)?;
+    if let Some(camera) = subject.scene.cameras.first()
+        && !arguments.viewed.has_path()
+    {
+        subject.cameras = vec![*camera];
     }
-    let cameras = match (&arguments.camera, scene.cameras.first()) {
-        (None, Some(camera)) => vec![*camera],
-        (path, _) => engine::cameras(&scene, path.as_deref(), arguments.size, 1)?,
-    };
-    let tiles = arguments.tiles.clone().map_or_else(|| own_folder(path), Ok)?;
-    Ok(Subject {
-        name: engine::name(path),
-        scene,
-        archives: Archives::At(tiles, arguments.cache.open_options()?),
-        cameras,
-    })
+    Ok(subject)
 }

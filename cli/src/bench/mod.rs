@@ -13,6 +13,7 @@ mod range;
 mod serve;
 mod stability;
 mod stream;
+mod viewed;
 
 use anyhow::Result;
 use clap::{Args, Subcommand};

@@ -8,9 +8,8 @@ use ::benches::policy::{Plan, Synthetic, Trace, generate, plot, record, run as r
 use anyhow::{Context, Result};
 use clap::Args;
 
-use super::engine;
-use crate::cache::CacheArguments;
-use crate::render::{own_folder, parse_size};
+use super::viewed::Viewed;
+use crate::render::parse_size;
 use crate::{file, progress};
 
 /// Measure the choice of what is resident: predicted error over cache size, of ours and of others.
@@ -20,15 +19,7 @@ pub(crate) struct Arguments {
     /// A trace of votes, or a scene (.gltf, .glb) of which one is recorded; without it one is made: a camera over 100
     /// materials.
     #[arg(value_name = "TRACE|SCENE.gltf")]
-    trace: Option<PathBuf>,
-    /// Tile server (http://HOST:PORT) or folder of archives of the scene; without it the scene's own folder.
-    #[arg(long, value_name = "URL|DIR", requires = "trace")]
-    tiles: Option<String>,
-    #[command(flatten)]
-    cache: CacheArguments,
-    /// Camera path through the scene; without it a quarter of a circle around it.
-    #[arg(long, visible_alias = "path", value_name = "PATH.json", requires = "trace")]
-    camera: Option<PathBuf>,
+    scene: Option<PathBuf>,
     /// Width and height of the pictures whose pixels vote.
     #[arg(long, default_value = "1280x720", value_parser = parse_size)]
     size: (u32, u32),
@@ -55,9 +46,8 @@ pub(crate) struct Arguments {
     /// Draws error over cache size.
     #[arg(long, value_name = "FILE.svg")]
     plot: Option<PathBuf>,
-    /// Prints what was measured as JSON, and no progress.
-    #[arg(long)]
-    json: bool,
+    #[command(flatten)]
+    viewed: Viewed,
 }
 
 const EXAMPLES: &str = "\
@@ -83,7 +73,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         arguments.loads > 0,
         "--loads 0: nothing would ever be there, at least 1 is needed"
     );
-    let spinner = progress::spinner("policy", arguments.json);
+    let spinner = progress::spinner("policy", arguments.viewed.json);
     let trace = trace(arguments, &|what| spinner.set_message(what.to_owned()))?;
     let plan = Plan {
         budgets: arguments.pages.clone(),
@@ -96,14 +86,14 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     if let Some(path) = &arguments.plot {
         file::write(path, plot(&results).as_bytes())?;
     }
-    if arguments.json {
+    if arguments.viewed.json {
         return file::print_json(&results);
     }
     Ok(write!(std::io::stdout().lock(), "{}", table(&results))?)
 }
 
 fn trace(arguments: &Arguments, progress: &dyn Fn(&str)) -> Result<Trace> {
-    let trace = match &arguments.trace {
+    let trace = match &arguments.scene {
         Some(path) if is_scene(path) => recorded(arguments, path, progress)?,
         Some(path) => {
             let opened = File::open(path).with_context(|| format!("cannot open {}", path.display()))?;
@@ -131,16 +121,21 @@ fn is_scene(path: &Path) -> bool {
 
 /// The votes of a scene along its camera path.
 fn recorded(arguments: &Arguments, path: &Path, progress: &dyn Fn(&str)) -> Result<Trace> {
-    let scene = scenes::gltf::open(path)?.scene;
     let frames = arguments.frames as usize;
-    let cameras = engine::cameras(&scene, arguments.camera.as_deref(), arguments.size, frames)?;
+    let subject = arguments.viewed.subject(path, arguments.size, frames, 0)?;
     anyhow::ensure!(
-        !cameras.is_empty(),
+        !subject.cameras.is_empty(),
         "{}: nothing to look at: the scene has no mesh, or --frames is 0",
         path.display()
     );
-    let tiles = arguments.tiles.clone().map_or_else(|| own_folder(path), Ok)?;
-    let name = format!("{}, {} frames", engine::name(path), cameras.len());
-    let source = ::engine::stream::open_with(&tiles, &arguments.cache.open_options()?)?;
-    Ok(record(&name, &scene, source, arguments.size, &cameras, progress)?)
+    let name = format!("{}, {} frames", subject.name, subject.cameras.len());
+    let source = subject.archives.source()?;
+    Ok(record(
+        &name,
+        &subject.scene,
+        source,
+        arguments.size,
+        &subject.cameras,
+        progress,
+    )?)
 }

@@ -1,18 +1,17 @@
 //! `eigentile bench stream`: what is seen after how many bytes and seconds, under networks.
 
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Duration;
 
-use ::benches::engine::{Archives, Subject};
+use ::benches::engine::Subject;
 use ::benches::stream::{NamedNetwork, Plan, close_up, measure, near_objects, plot, table, views};
 use ::engine::stream::Network;
-use anyhow::{Context, Result, ensure};
+use anyhow::{Result, ensure};
 use clap::Args;
 
-use super::engine;
-use crate::cache::CacheArguments;
-use crate::render::{own_folder, parse_size};
+use super::viewed::{Viewed, cache_bytes};
+use crate::render::parse_size;
 use crate::{file, progress, scene};
 
 /// Measure pictures over bytes and seconds under networks, beside other orders of asking.
@@ -22,14 +21,6 @@ pub(crate) struct Arguments {
     /// Scene: .gltf or .glb; without one fifteen objects with as many materials are made once, in a minute or two.
     #[arg(value_name = "SCENE.gltf")]
     scene: Option<PathBuf>,
-    /// Tile server (http://HOST:PORT) or folder of archives; without it the scene's own folder.
-    #[arg(long, value_name = "URL|DIR", requires = "scene")]
-    tiles: Option<String>,
-    #[command(flatten)]
-    cache: CacheArguments,
-    /// Camera path; without it a quarter of a circle around the scene.
-    #[arg(long, visible_alias = "path", value_name = "PATH.json", requires = "scene")]
-    camera: Option<PathBuf>,
     /// A network: 3g, 4g, dsl, wifi, lan, or megabits a second, milliseconds of a round trip, and the chance that a segment
     /// is lost; again for more. All that have names without it.
     #[arg(long = "network", value_name = "NAME|MBIT,MS[,LOSS]", value_parser = parse_network)]
@@ -63,9 +54,8 @@ pub(crate) struct Arguments {
     /// Draws structural similarity over bytes and seconds.
     #[arg(long, value_name = "FILE.svg")]
     plot: Option<PathBuf>,
-    /// Prints what was measured as JSON, and no progress.
-    #[arg(long)]
-    json: bool,
+    #[command(flatten)]
+    viewed: Viewed,
 }
 
 const EXAMPLES: &str = "\
@@ -103,13 +93,13 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
             "{name} is {value}; it must be 1 to {MOST_STREAMS}"
         );
     }
-    let bytes = arguments
-        .cache_mib
-        .checked_mul(1 << 20)
-        .context("--cache-mib is too large")?;
-    let spinner = progress::spinner("stream", arguments.json);
+    let [page_cache_bytes, column_cache_bytes] = cache_bytes(arguments.cache_mib)?;
+    let spinner = progress::spinner("stream", arguments.viewed.json);
     let subject = match &arguments.scene {
-        Some(path) => subject(arguments, path)?,
+        Some(path) => {
+            let views = views(arguments.seconds);
+            arguments.viewed.subject(path, arguments.size, views, 0)?
+        }
         None => match arguments.materials {
             Some(materials) => close_up(materials, views(arguments.seconds))?,
             None => made(arguments)?,
@@ -118,8 +108,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let plan = Plan {
         size: arguments.size,
         networks: networks(arguments),
-        page_cache_bytes: bytes - bytes / 3,
-        column_cache_bytes: bytes / 3,
+        page_cache_bytes,
+        column_cache_bytes,
     };
     let results = measure(&subject, &plan, &|what| spinner.set_message(what.to_owned()));
     spinner.finish_and_clear();
@@ -127,7 +117,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     if let Some(path) = &arguments.plot {
         file::write(path, plot(&results).as_bytes())?;
     }
-    if arguments.json {
+    if arguments.viewed.json {
         return file::print_json(&results);
     }
     Ok(write!(std::io::stdout().lock(), "{}", table(&results))?)
@@ -135,26 +125,13 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
 
 /// The objects of the paper's second scene, from where its flight is near them.
 fn made(arguments: &Arguments) -> Result<Subject> {
-    let (path, tiles) = scene::objects_to_measure(&arguments.made, arguments.json)?;
+    let (path, tiles) = scene::objects_to_measure(&arguments.made, arguments.viewed.json)?;
     Ok(Subject {
         name: "objects".into(),
         scene: scenes::gltf::open(&path)?.scene,
         cameras: near_objects(views(arguments.seconds)),
-        archives: Archives::At(tiles.display().to_string(), arguments.cache.open_options()?),
-    })
-}
-
-fn subject(arguments: &Arguments, path: &Path) -> Result<Subject> {
-    let scene = scenes::gltf::open(path)?.scene;
-    let count = views(arguments.seconds);
-    Ok(Subject {
-        name: engine::name(path),
-        cameras: engine::cameras(&scene, arguments.camera.as_deref(), arguments.size, count)?,
-        archives: Archives::At(
-            arguments.tiles.clone().map_or_else(|| own_folder(path), Ok)?,
-            arguments.cache.open_options()?,
-        ),
-        scene,
+        flight: Vec::new(),
+        archives: arguments.viewed.archives(tiles.display().to_string())?,
     })
 }
 

@@ -7,43 +7,28 @@
 //! the BTF that the archive's ledger refers to.
 
 use std::ops::Range;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use ::preprocess::factorize::factorize;
 use ::preprocess::npy::Samples;
 use ::preprocess::source::{Images, LowRank};
-use ::preprocess::{Btf, Settings, build as coder};
+use ::preprocess::{Btf, Factors, Settings};
 use anyhow::Result;
 use scenes::paper::{PATCHES, wear};
 
-use crate::progress;
-
-/// Makes the archive of a material from its two patches.
-pub(super) fn build(
-    patches: &[PathBuf; 2],
-    archive: &Path,
-    components: u32,
-    name: &str,
-    quiet: bool,
-) -> Result<()> {
-    let phases = progress::Phases::new(&format!("{name}: "), quiet);
-    let show = |progress| phases.show(progress);
-    let settings = Settings {
-        components,
-        ..Settings::default()
-    };
-    let [fresh, worn] = [Btf::open(&patches[0])?, Btf::open(&patches[1])?];
-    let (width, height) = (fresh.width(), fresh.height());
-    let terms = [
-        factorize(&fresh, &settings, &show)?,
-        factorize(&worn, &settings, &show)?,
-    ];
-    let sampling = fresh.sampling().clone();
+/// The factors of a material from those of its two patches.
+pub(super) fn factorized(
+    [fresh, worn]: [(Btf, Factors); 2],
+    path: &Path,
+    settings: &Settings,
+) -> Result<(Btf, Factors)> {
+    let (width, height) = (fresh.0.width(), fresh.0.height());
+    let sampling = fresh.0.sampling().clone();
 
     // Both patches beside each other, over common eigen-ABRDFs.
-    let texels = fresh.columns();
+    let texels = fresh.0.columns();
     let mut both = LowRank::default();
-    for (which, factors) in terms.into_iter().enumerate() {
+    for (which, (_, factors)) in [fresh, worn].into_iter().enumerate() {
         both.terms += factors.components;
         both.u.extend(&factors.u);
         for texture in factors.v.chunks_exact(texels) {
@@ -53,12 +38,12 @@ pub(super) fn build(
         }
     }
     let pair = Btf::new(
-        archive,
+        path,
         sampling.clone(),
         (width, 2 * height),
         Box::new(Product(both)),
     )?;
-    let pair = factorize(&pair, &settings, &show)?;
+    let pair = factorize(&pair, settings, &|_| ())?;
 
     let side = PATCHES * width;
     let blended = LowRank {
@@ -66,11 +51,9 @@ pub(super) fn build(
         u: pair.u,
         v: blend(&pair.v, width as usize, pair.components),
     };
-    let btf = Btf::new(archive, sampling, (side, side), Box::new(Product(blended)))?;
-    let factors = factorize(&btf, &settings, &show)?;
-    coder::build(&btf, &factors, coder::DEFAULT_QUALITY, archive, &show)?;
-    phases.finish();
-    Ok(())
+    let btf = Btf::new(path, sampling, (side, side), Box::new(Product(blended)))?;
+    let factors = factorize(&btf, settings, &|_| ())?;
+    Ok((btf, factors))
 }
 
 /// Eigen-textures `[term][y][x]` of the large material; `pair` has those of the patches below each other.

@@ -3,14 +3,18 @@
 use scenes::paper::{PATCHES, Recipe};
 
 use super::materials::Plan;
+use super::traced;
 use crate::bytes;
 
-/// Samples (texel, view and light) that are traced and written in a second on one core, and seconds for building a
-/// material before that; as measured over the kinds of material at 128² to 512² texels.
-const SAMPLES_PER_SECOND: f64 = 6.0e6;
+/// Seconds of a core for building a material, before anything is traced.
 const BUILD_SECONDS: f64 = 0.8;
-/// Samples times components that are factorized in a second on one core.
+/// Texels that a core traces from a view in a second, with their shares of the cells' shadow rays.
+const SEEN_PER_SECOND: f64 = 3.0e5;
+/// Samples (texel, view and light) that a core shades in a second.
+const SHADED_PER_SECOND: f64 = 6.0e7;
+/// Samples times components that are factorized in a second on one core, and those that are projected.
 const PRODUCTS_PER_SECOND: f64 = 2.5e9;
+const PROJECTED_PER_SECOND: f64 = 2.0e10;
 /// Texels times components that are coded, written and measured in a second on one core.
 const CODED_PER_SECOND: f64 = 4.0e6;
 /// Bytes of an archive for each texel and component, and for each row of the BTF and component.
@@ -21,8 +25,6 @@ const COLUMN_BYTES: f64 = 0.35;
 pub(super) struct Estimate {
     seconds: f64,
     archive_bytes: f64,
-    /// Largest uncompressed BTF, which lies in the folder until it is factorized.
-    work_bytes: f64,
     memory_bytes: f64,
 }
 
@@ -34,7 +36,6 @@ impl Estimate {
         let mut estimate = Estimate {
             seconds: 0.0,
             archive_bytes: 0.0,
-            work_bytes: 0.0,
             memory_bytes: 0.0,
         };
         for recipe in recipes {
@@ -43,26 +44,25 @@ impl Estimate {
                 Some(_) => (texels / f64::from(PATCHES * PATCHES), 2.0),
                 None => (texels, 1.0),
             };
-            let samples = traced * directions * directions;
-            let trace = samples / SAMPLES_PER_SECOND + BUILD_SECONDS;
-            let factorize = samples * 3.0 * components / PRODUCTS_PER_SECOND;
+            let [known, seen, shaded] = traced::work(traced, directions);
+            let trace = BUILD_SECONDS + seen / SEEN_PER_SECOND + shaded / SHADED_PER_SECOND;
+            let factorize = 3.0 * components * (known / PRODUCTS_PER_SECOND + shaded / PROJECTED_PER_SECOND);
             let code = texels * components / CODED_PER_SECOND;
             estimate.seconds += (styles * (trace + factorize) + code) / cores;
             estimate.archive_bytes +=
                 components * (PAGE_BYTES * texels + COLUMN_BYTES * 3.0 * directions * directions);
-            estimate.work_bytes = estimate.work_bytes.max(samples * 6.0);
-            // Factors, their orthonormal form, and what the coder holds.
-            estimate.memory_bytes = estimate.memory_bytes.max(texels * components * 16.0);
+            // Factors, their orthonormal form, and what the coder holds; samples of known texels.
+            let memory = texels * components * 16.0 + known * 12.0;
+            estimate.memory_bytes = estimate.memory_bytes.max(memory);
         }
         estimate
     }
 
     pub(super) fn text(&self) -> String {
         format!(
-            "about {} on this machine, {} of archives; {} on the disk and {} of memory meanwhile",
+            "about {} on this machine, {} of archives; {} of memory meanwhile",
             duration(self.seconds),
             bytes::text(self.archive_bytes as u64),
-            bytes::text(self.work_bytes as u64),
             bytes::text(self.memory_bytes.max(64e6) as u64),
         )
     }

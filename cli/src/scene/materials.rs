@@ -1,10 +1,10 @@
 //! The archives of a scene: what is there, and making what is not.
 
 use std::fs::File;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Instant;
 
-use ::preprocess::npy::NpyBtf;
+use ::preprocess::{Btf, Factors, Settings, build as coder};
 use anyhow::{Context, Result, ensure};
 use scenes::paper::{PATCHES, Recipe};
 use scenes::synth::{Sampling, Style, SynthOptions};
@@ -12,12 +12,12 @@ use serde::Serialize;
 use serde_json::{Value, json};
 use tileset::Archive;
 
-use super::blend;
 use super::estimate::duration;
-use crate::{bytes, file, preprocess, synth};
+use super::{blend, traced};
+use crate::{bytes, file, progress};
 
 /// Version of the procedures: archives of an older one are made again.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 
 /// What to make, where, and how.
 pub(super) struct Plan {
@@ -35,13 +35,6 @@ pub(super) struct Made {
     size: u32,
     pub(super) archive_bytes: u64,
     seconds: f64,
-}
-
-/// A material as it is traced: all of a small one, a patch of a large one.
-struct Trace<'a> {
-    recipe: &'a Recipe,
-    style: Style,
-    size: u32,
 }
 
 impl Plan {
@@ -68,9 +61,7 @@ impl Plan {
 
     /// Makes what is not there; all of it.
     pub(super) fn make(&self) -> Result<Vec<Made>> {
-        for part in ["tiles", "work"] {
-            file::make_folder(&self.folder.join(part))?;
-        }
+        file::make_folder(&self.folder.join("tiles"))?;
         let (start, mut left) = (Instant::now(), self.missing().len());
         let mut fresh = 0;
         let made = self.recipes.iter().map(|recipe| {
@@ -105,10 +96,7 @@ impl Plan {
             }
             Ok(made)
         });
-        let made = made.collect::<Result<_>>()?;
-        // Empty unless something else was put there.
-        let _ = std::fs::remove_dir(self.folder.join("work"));
-        Ok(made)
+        made.collect()
     }
 
     fn archive(&self, recipe: &Recipe) -> PathBuf {
@@ -156,71 +144,49 @@ impl Plan {
         let archive = self.archive(recipe);
         // The note first goes, and comes back last: a note never stands beside another archive.
         let _ = std::fs::remove_file(self.note(recipe));
-        match &recipe.worn {
-            None => {
-                let trace = Trace {
-                    recipe,
-                    style: recipe.style,
-                    size: recipe.size,
-                };
-                let npy = self.traced(&trace)?;
-                let job = preprocess::Job {
-                    components: self.components,
-                    quality: None,
-                    memory: None,
-                };
-                preprocess::build(&npy, &archive, &job, &format!("{}: ", recipe.archive), self.quiet)?;
-                discard(&npy);
-            }
+        let label = format!("{}: ", recipe.archive);
+        let settings = Settings {
+            components: self.components,
+            ..Settings::default()
+        };
+        let (btf, factors) = match &recipe.worn {
+            None => self.factorized(recipe, &recipe.style, recipe.size, &settings, &label)?,
             Some(worn) => {
-                let size = recipe.size / PATCHES;
-                let patch = |style| Trace { recipe, style, size };
-                let (fresh, worn) = (patch(recipe.style), patch(*worn));
-                let npys = [self.traced(&fresh)?, self.traced(&worn)?];
-                blend::build(&npys, &archive, self.components, &recipe.archive, self.quiet)?;
-                npys.iter().for_each(|npy| discard(npy));
+                let patch = |style| self.factorized(recipe, style, recipe.size / PATCHES, &settings, &label);
+                blend::factorized([patch(&recipe.style)?, patch(worn)?], &archive, &settings)?
             }
-        }
+        };
+        let phases = progress::Phases::new(&label, self.quiet);
+        let show = |progress| phases.show(progress);
+        coder::build(&btf, &factors, coder::DEFAULT_QUALITY, &archive, &show)?;
+        phases.finish();
         file::write(&self.note(recipe), self.parameters(recipe).to_string().as_bytes())
     }
 
-    /// The samples of a material. A file gets its name when it is complete, and the name says what is in it: what an
-    /// interrupted run has traced is used again.
-    fn traced(&self, trace: &Trace<'_>) -> Result<PathBuf> {
-        let Trace { recipe, style, size } = trace;
+    fn factorized(
+        &self,
+        recipe: &Recipe,
+        style: &Style,
+        size: u32,
+        settings: &Settings,
+        label: &str,
+    ) -> Result<(Btf, Factors)> {
         let directions = self.sampling.directions();
-        let identity = format!(
-            "{VERSION} {} {} {style:?} {size} {}",
+        let options = SynthOptions {
+            size,
+            views: directions.clone(),
+            lights: directions,
+            seed: recipe.seed,
+            style: *style,
+            ..SynthOptions::default()
+        };
+        traced::factorized(
             recipe.material,
-            recipe.seed,
-            directions.len()
-        );
-        let name = format!("{}-{:016x}.npy", recipe.archive, fnv(identity.as_bytes()));
-        let path = self.folder.join("work").join(name);
-        if NpyBtf::open(&path).is_err() {
-            let options = SynthOptions {
-                size: *size,
-                views: directions.clone(),
-                lights: directions,
-                seed: recipe.seed,
-                style: *style,
-                ..SynthOptions::default()
-            };
-            synth::synthesize_to(recipe.material, &options, &path, self.quiet)?;
-        }
-        Ok(path)
+            &options,
+            &self.archive(recipe),
+            settings,
+            label,
+            self.quiet,
+        )
     }
-}
-
-/// Removes samples and directions. What cannot be removed is in nobody's way.
-fn discard(npy: &Path) {
-    let _ = std::fs::remove_file(npy);
-    let _ = std::fs::remove_file(npy.with_extension("json"));
-}
-
-/// Fowler, Noll and Vo's hash, FNV-1a.
-fn fnv(bytes: &[u8]) -> u64 {
-    bytes.iter().fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
-        (hash ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01b3)
-    })
 }

@@ -3,6 +3,7 @@
 mod blend;
 mod estimate;
 mod materials;
+mod traced;
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;

@@ -15,7 +15,7 @@ use super::{
     policy::Policy,
     problems::Problems,
     records::Records,
-    stats::{Counters, FrameStats, Milliseconds, Stopwatch},
+    stats::{Clock, Counters, FrameStats, Milliseconds, Stopwatch, wall_clock},
     votes::Window,
     workers::Workers,
 };
@@ -51,6 +51,8 @@ pub struct Engine {
     pub(super) frames: u64,
     /// Since the start.
     pub(super) clock: Stopwatch,
+    /// What the phases of a frame are timed with.
+    pub(super) phase_clock: Clock,
     pub(super) wire_bytes: u64,
     /// Something else than the camera has changed since the last picture.
     pub(super) changed: bool,
@@ -125,6 +127,7 @@ impl Engine {
             view: 0,
             frames: 0,
             clock: Stopwatch::start(),
+            phase_clock: wall_clock,
             wire_bytes: 0,
             changed: true,
             gpu: None,
@@ -182,7 +185,7 @@ impl Engine {
         let before = self.summary();
         let wire_bytes_before = self.wire_bytes;
         let mut ms = Milliseconds::default();
-        let mut watch = Stopwatch::start();
+        let mut watch = Stopwatch::by(self.phase_clock);
 
         let moved = self.camera.replace(*camera) != Some(*camera);
         self.view += u64::from(moved);

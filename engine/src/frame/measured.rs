@@ -3,7 +3,7 @@
 use scenes::Camera;
 use tileset::PageId;
 
-use super::{Engine, FrameStats, phases::material_info};
+use super::{Clock, Engine, FrameStats, phases::material_info};
 use crate::{
     Error, Result,
     gpu::GpuMilliseconds,
@@ -30,6 +30,12 @@ impl Engine {
     /// Those of [`Engine::frame`].
     pub fn step(&mut self, camera: &Camera) -> Result<FrameStats> {
         self.advance(camera, false)
+    }
+
+    /// Times the phases of frames ([`FrameStats::ms`]) with this clock from now on: that of the processor time of the
+    /// calling thread tells work from waiting for a processor.
+    pub fn time_with(&mut self, clock: Clock) {
+        self.phase_clock = clock;
     }
 
     /// Draws the view of the last frame with what is there now, if that has not been done. Waits for the GPU.

@@ -40,4 +40,4 @@ pub use maps::{CacheMap, CachedColumn, CachedPage, MipTiles, PageTree};
 pub use materials::{MaterialState, MaterialStatus};
 pub use options::{Budgets, Decode, MAX_FEEDBACK_STRIDE, MAX_PREFETCH_SECONDS, MIN_HOST_BYTES, Options};
 pub use policy::Policy;
-pub use stats::{Counters, FrameStats, Milliseconds};
+pub use stats::{Clock, Counters, FrameStats, Milliseconds};

@@ -68,7 +68,8 @@ impl Engine {
         let (source, counters) = (&mut *self.source, &mut self.counters);
         self.records.follow(&plan, now, &self.btfs, source, counters);
         let wants = |item| residency.wants(item);
-        self.records.reorder(&upcoming, &wants, &self.btfs, source, counters);
+        self.records
+            .reorder(&upcoming, &wants, &self.btfs, source, counters);
     }
 
     /// Submits requests and takes the answers that are there: at most as many as can be in flight, so that a

@@ -97,38 +97,19 @@ pub struct Counters {
     pub requests_failed: u64,
 }
 
-/// Measures phases.
-pub(super) struct Stopwatch {
-    start: Duration,
-}
+/// A clock: the time since some moment that stays the same.
+pub type Clock = fn() -> Duration;
 
-impl Stopwatch {
-    pub(super) fn start() -> Self {
-        Self { start: now() }
-    }
-
-    pub(super) fn elapsed(&self) -> Duration {
-        now().saturating_sub(self.start)
-    }
-
-    /// Milliseconds since the start or the last lap.
-    pub(super) fn lap(&mut self) -> f64 {
-        let elapsed = self.elapsed();
-        self.start += elapsed;
-        elapsed.as_secs_f64() * 1e3
-    }
-}
-
-/// Time since some moment.
+/// The time that passes.
 #[cfg(not(target_arch = "wasm32"))]
-fn now() -> Duration {
+pub(super) fn wall_clock() -> Duration {
     static START: std::sync::LazyLock<std::time::Instant> = std::sync::LazyLock::new(std::time::Instant::now);
     START.elapsed()
 }
 
-/// Time since the page began; browsers round it to a tenth of a millisecond or so.
+/// The time that passes since the page began; browsers round it to a tenth of a millisecond or so.
 #[cfg(target_arch = "wasm32")]
-fn now() -> Duration {
+pub(super) fn wall_clock() -> Duration {
     use wasm_bindgen::prelude::*;
     #[wasm_bindgen]
     extern "C" {
@@ -136,4 +117,34 @@ fn now() -> Duration {
         fn now() -> f64;
     }
     Duration::from_secs_f64(now().max(0.0) / 1e3)
+}
+
+/// Measures phases.
+pub(super) struct Stopwatch {
+    clock: Clock,
+    start: Duration,
+}
+
+impl Stopwatch {
+    pub(super) fn start() -> Self {
+        Self::by(wall_clock)
+    }
+
+    pub(super) fn by(clock: Clock) -> Self {
+        Self {
+            clock,
+            start: clock(),
+        }
+    }
+
+    pub(super) fn elapsed(&self) -> Duration {
+        (self.clock)().saturating_sub(self.start)
+    }
+
+    /// Milliseconds since the start or the last lap.
+    pub(super) fn lap(&mut self) -> f64 {
+        let now = (self.clock)();
+        let lap = now.saturating_sub(std::mem::replace(&mut self.start, now));
+        lap.as_secs_f64() * 1e3
+    }
 }
