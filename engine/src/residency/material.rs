@@ -5,7 +5,7 @@ mod ranks;
 use tileset::{PageId, Pyramid, Tile};
 
 use super::{
-    Item, MaterialId, MaterialInfo, Slot,
+    Item, MaterialId, MaterialInfo, Slot, TileVotes,
     group::{Class, Group},
     rank::Rank,
     value::Blocks,
@@ -164,7 +164,7 @@ impl Material {
     }
 
     /// Whether these are the votes already.
-    pub(super) fn has_votes(&self, votes: &[Vec<(u32, u64)>; 2]) -> bool {
+    pub(super) fn has_votes(&self, votes: &TileVotes) -> bool {
         self.wanted
             .iter()
             .zip(votes)
@@ -173,13 +173,7 @@ impl Material {
 
     /// Replaces the votes, by class, given by tile and each tile once, and works out what follows from them; `pin` as
     /// for ranks of pages.
-    pub(super) fn set_votes(
-        &mut self,
-        votes: &mut [Vec<(u32, u64)>; 2],
-        now: u64,
-        pin: bool,
-        blocks: &mut Blocks,
-    ) {
+    pub(super) fn set_votes(&mut self, votes: &mut TileVotes, now: u64, pin: bool, blocks: &mut Blocks) {
         for (class, (wanted, votes)) in self.wanted.iter_mut().zip(votes).enumerate() {
             if wanted.has(votes) {
                 continue;

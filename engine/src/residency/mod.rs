@@ -138,6 +138,9 @@ pub const LONGEST_BACK_OFF: u64 = 4096;
 /// Most items whose failures are remembered; beyond, all are forgotten and tried again at once.
 const MOST_FAILURES: usize = 1 << 14;
 
+/// Tiles of a material with their votes: those of the present, and those ahead.
+type TileVotes = [Vec<(u32, u64)>; 2];
+
 /// The set of resident items and the rules by which it changes.
 pub struct Residency {
     limits: Limits,
@@ -167,7 +170,7 @@ pub struct Residency {
     added: u64,
     swapped: u64,
     /// Working memory: votes by material and class, and values.
-    sorted: Vec<[Vec<(u32, u64)>; 2]>,
+    sorted: Vec<TileVotes>,
     blocks: Blocks,
 }
 

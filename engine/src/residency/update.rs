@@ -6,7 +6,7 @@ use std::cmp::Reverse;
 use rayon::prelude::*;
 
 use super::{
-    Item, MaterialId, PATIENCE, Plan, Residency, SLOTS_PER_PIN, Vote,
+    Item, MaterialId, PATIENCE, Plan, Residency, SLOTS_PER_PIN, TileVotes, Vote,
     claim::{Claim, State, choose},
     material::Material,
     rank::{Highest, Rank},
@@ -128,7 +128,7 @@ impl Residency {
         let changed: Vec<_> = changed
             .filter(|(material, votes)| !material.has_votes(votes))
             .collect();
-        let set = |blocks: &mut Blocks, (material, votes): (&mut Material, &mut [Vec<(u32, u64)>; 2])| {
+        let set = |blocks: &mut Blocks, (material, votes): (&mut Material, &mut TileVotes)| {
             material.set_votes(votes, now, pin, blocks);
         };
         // Materials do not touch each other, so the result is the same with any number of threads.
@@ -412,8 +412,8 @@ fn sort(votes: &mut Vec<(u32, u64)>) {
 
 /// Pages of materials whose votes have changed.
 #[cfg(not(target_arch = "wasm32"))]
-fn pages(changed: &[(&mut Material, &mut [Vec<(u32, u64)>; 2])]) -> usize {
-    let tiles = |votes: &[Vec<(u32, u64)>; 2]| votes[0].len() + votes[1].len();
+fn pages(changed: &[(&mut Material, &mut TileVotes)]) -> usize {
+    let tiles = |votes: &TileVotes| votes[0].len() + votes[1].len();
     let pages = changed
         .iter()
         .map(|(material, votes)| material.groups().len() * tiles(votes));
