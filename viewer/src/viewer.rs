@@ -154,10 +154,11 @@ impl Viewer {
                 self.show_lights()?;
             }
             Command::Record => self.toggle_recording(),
-            Command::Replay => match (self.player.take(), &self.motion) {
-                (None, Some(motion)) => self.player = Some(Player::new(motion.clone())),
-                _ => {}
-            },
+            Command::Replay => {
+                if let (None, Some(motion)) = (self.player.take(), &self.motion) {
+                    self.player = Some(Player::new(motion.clone()));
+                }
+            }
             Command::Turntable => {
                 self.player = match self.player {
                     Some(_) => None,

@@ -160,6 +160,7 @@ impl<S: TileSource, K: Store> KeptSource<S, K> {
             ticket,
             request,
             bytes,
+            checked: true,
             wire_bytes: 0,
         })
     }

@@ -9,11 +9,6 @@ use crate::{
     stream::Request,
 };
 
-/// Of the pages that are looked for below what is in flight, some are here already, and wait for their parents.
-const LEAST_UPCOMING: usize = 128;
-/// Most of them.
-const MOST_UPCOMING: usize = 1024;
-
 impl Engine {
     /// Visibility, where the view is new, and votes, where some are missing.
     pub(super) fn look(&mut self, moved: bool) {
@@ -55,21 +50,15 @@ impl Engine {
     /// Votes to residency; its plan to the records.
     pub(super) fn decide(&mut self) {
         let plan = self.update_residency();
-        // Twice what can be in flight: what has begun to come is not given up because another has overtaken it.
-        let most = self
-            .options
-            .budgets
-            .requests_in_flight
-            .saturating_mul(2)
-            .clamp(LEAST_UPCOMING, MOST_UPCOMING);
-        let upcoming = self.residency.upcoming(most);
         let now = self.now();
-        let residency = &*self.residency;
-        let (source, counters) = (&mut *self.source, &mut self.counters);
-        self.records.follow(&plan, now, &self.btfs, source, counters);
-        let wants = |item| residency.wants(item);
-        self.records
-            .reorder(&upcoming, &wants, &self.btfs, source, counters);
+        self.records.follow(
+            &plan,
+            &mut *self.residency,
+            now,
+            &self.btfs,
+            &mut *self.source,
+            &mut self.counters,
+        );
     }
 
     /// Submits requests and takes the answers that are there: at most as many as can be in flight, so that a
@@ -77,7 +66,9 @@ impl Engine {
     pub(super) fn receive(&mut self) {
         self.archives.submit(&mut *self.source);
         let now = self.now();
-        self.records.submit(now, &self.btfs, &mut *self.source);
+        // Roots of materials that are not known yet come before the details of those that are.
+        let opening = self.archives.decided() < self.archives.count();
+        self.records.submit(now, opening, &self.btfs, &mut *self.source);
         for _ in 0..self.source.capacity() {
             let Some(answer) = self.source.poll() else { break };
             self.wire_bytes += answer.wire_bytes;

@@ -57,14 +57,6 @@ pub(crate) fn settle_at(engine: &mut Engine, camera: &Camera) -> Picture {
     engine.picture().unwrap()
 }
 
-/// The picture of the scene's view when all has come that will.
-pub(crate) fn settle_whatever(engine: &mut Engine) -> Picture {
-    let frames = engine.settle(&scene().cameras[0], PATIENCE).unwrap();
-    let last = frames.last().unwrap();
-    assert!(last.settled, "{last:?}");
-    engine.picture().unwrap()
-}
-
 /// But for where records lie in other slots, and texture filters round their coordinates there.
 pub(crate) fn assert_close(picture: &Picture, expected: &Picture) {
     let pairs = picture

@@ -79,7 +79,7 @@ fn a_bucket_is_enough() {
     ] {
         let mut source = open_with(&url, &options(None)).unwrap();
         for name in FIXTURE.names() {
-            check(&mut *source, &name, || {});
+            check(&mut *source, name, || {});
         }
     }
 }
@@ -110,9 +110,9 @@ fn our_server_stands_in_front_of_a_bucket() {
     let server = Server::of(open(SECRET).unwrap(), Options::default());
     let mut source = open_with(&server.address, &options(None)).unwrap();
     let names = FIXTURE.names();
-    check(&mut *source, &names[0], || {});
+    check(&mut *source, names[0], || {});
     // What has gone from the bucket is named in the error; the other archive goes on.
     let mut left = open_with(&server.address, &options(None)).unwrap();
     std::fs::remove_file(folder.path().join(format!("materials/btf/{}.bsvtf", names[0]))).unwrap();
-    check(&mut *left, &names[1], || {});
+    check(&mut *left, names[1], || {});
 }

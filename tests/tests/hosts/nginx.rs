@@ -80,7 +80,7 @@ fn nginx_is_enough_even_if_it_is_started_again_and_the_cache_even_without_it() {
     let with_cache = options(Some(cache.path()));
     let mut source = open_with(&url, &with_cache).unwrap();
     for name in FIXTURE.names() {
-        check(&mut *source, &name, || {
+        check(&mut *source, name, || {
             host.take();
             host = Some(nginx(site.path(), port));
         });
@@ -94,14 +94,14 @@ fn nginx_is_enough_even_if_it_is_started_again_and_the_cache_even_without_it() {
     // Another run: nothing but the indices crosses the wire. And one without the host.
     let mut source = open_with(&url, &with_cache).unwrap();
     for name in FIXTURE.names() {
-        check(&mut *source, &name, || {});
+        check(&mut *source, name, || {});
     }
     assert_eq!(source.stats().offline, 0);
     assert!(source.stats().from_disk > 0, "{:?}", source.stats());
     host.take();
     let mut source = open_with(&url, &with_cache).unwrap();
     for name in FIXTURE.names() {
-        let answers = check(&mut *source, &name, || {});
+        let answers = check(&mut *source, name, || {});
         assert!(answers.iter().all(|answer| answer.wire_bytes == 0));
     }
     assert_eq!(source.stats().offline as usize, FIXTURE.names().len());

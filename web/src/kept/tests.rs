@@ -71,6 +71,7 @@ impl TileSource for Gone {
             ticket,
             request,
             bytes,
+            checked: false,
             wire_bytes: 0,
         })
     }

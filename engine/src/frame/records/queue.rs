@@ -10,17 +10,27 @@ use super::{
 };
 use crate::{
     decode::Pending,
-    frame::stats::Counters,
+    frame::{policy::Policy, stats::Counters},
     gpu::materials::Btf,
     residency::{Item, MaterialId, Plan},
     stream::{Ticket, TileSource},
 };
 
+/// Of the pages that are looked for below what is in flight, some are here already, and wait for their parents.
+const LEAST_UPCOMING: usize = 128;
+/// Most of them.
+const MOST_UPCOMING: usize = 1024;
+
+/// Bytes in flight while indices are, which keep the line busy themselves: about the column and the root of one material.
+const OPENING_BYTES: u64 = 16 << 10;
+
 impl Records {
-    /// Starts what a plan asks for and gives up what it cancels.
+    /// Starts what a plan asks for and gives up what it cancels; fetches in the order of [`Policy::upcoming`], also what
+    /// is not asked for yet.
     pub(in crate::frame) fn follow(
         &mut self,
         plan: &Plan,
+        residency: &mut dyn Policy,
         now: f64,
         btfs: &[Arc<Btf>],
         source: &mut dyn TileSource,
@@ -28,19 +38,11 @@ impl Records {
     ) {
         self.cancel(&plan.cancel, btfs, source, counters);
         self.request(&plan.request, now, btfs, counters);
-    }
-
-    /// Fetches in the order of `upcoming`, also what is not asked for yet. `wants` says whether something is worth having at all.
-    pub(in crate::frame) fn reorder(
-        &mut self,
-        upcoming: &[Item],
-        wants: &dyn Fn(Item) -> bool,
-        btfs: &[Arc<Btf>],
-        source: &mut dyn TileSource,
-        counters: &mut Counters,
-    ) {
-        self.arrange(upcoming, btfs);
-        self.abort_stale(wants, btfs, source, counters);
+        // Twice what can be in flight, because some are here already.
+        let most = self.budgets.requests_in_flight.saturating_mul(2);
+        let upcoming = residency.upcoming(most.clamp(LEAST_UPCOMING, MOST_UPCOMING));
+        self.arrange(&upcoming, btfs);
+        self.abort_stale(residency, btfs, source, counters);
     }
 
     /// Brings what is to be submitted into the order of now: first ancestors that others wait for, then `upcoming`. What was
@@ -87,7 +89,7 @@ impl Records {
     /// cost more.
     fn abort_stale(
         &mut self,
-        wants: &dyn Fn(Item) -> bool,
+        residency: &dyn Policy,
         btfs: &[Arc<Btf>],
         source: &mut dyn TileSource,
         counters: &mut Counters,
@@ -95,7 +97,7 @@ impl Records {
         let needed = self.needed();
         let is_stale = |item: &Item| {
             let named = self.wanted.contains_key(item) || self.order.contains_key(item);
-            !named && !needed.contains(item) && !wants(*item)
+            !named && !needed.contains(item) && !residency.wants(*item)
         };
         let stale = self.tickets.iter().filter(|(_, flight)| is_stale(&flight.item));
         let mut stale: Vec<Ticket> = stale.map(|(ticket, _)| *ticket).collect();
@@ -182,12 +184,24 @@ impl Records {
     }
 
     /// Submits what waits, as far as the source, the line and the budgets allow; one record always. Nothing that is in flight and still of
-    /// use gives way: what has been sent of it would be lost, for less than the round trips that the window holds.
-    pub(in crate::frame) fn submit(&mut self, now: f64, btfs: &[Arc<Btf>], source: &mut dyn TileSource) {
+    /// use gives way: what has been sent of it would be lost, for less than the round trips that the window holds. `opening`: more
+    /// materials will be known soon, and their roots come before the details of those that are: little goes out before them.
+    pub(in crate::frame) fn submit(
+        &mut self,
+        now: f64,
+        opening: bool,
+        btfs: &[Arc<Btf>],
+        source: &mut dyn TileSource,
+    ) {
         let most = self.budgets.requests_in_flight.min(source.capacity());
+        let line = match opening {
+            true => self.window.bytes().min(OPENING_BYTES),
+            false => self.window.bytes(),
+        };
+        let allowed = line.min(self.budgets.bytes_in_flight);
         while let Some(&item) = self.queue.front() {
             let bytes = length(item, btfs);
-            if !self.has_room(bytes, most) {
+            if !self.has_room(bytes, most, allowed) {
                 self.window.full();
                 break;
             }
@@ -202,8 +216,7 @@ impl Records {
         }
     }
 
-    fn has_room(&self, bytes: u64, most: usize) -> bool {
-        let allowed = self.window.bytes().min(self.budgets.bytes_in_flight);
+    fn has_room(&self, bytes: u64, most: usize, allowed: u64) -> bool {
         let fits = self.bytes_in_flight.saturating_add(bytes) <= allowed;
         self.tickets.is_empty() || (self.tickets.len() < most && fits)
     }
