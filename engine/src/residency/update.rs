@@ -131,9 +131,14 @@ impl Residency {
         let set = |blocks: &mut Blocks, (material, votes): (&mut Material, &mut TileVotes)| {
             material.set_votes(votes, now, pin, blocks);
         };
+        #[cfg(not(target_arch = "wasm32"))]
+        let pages: usize = changed
+            .iter()
+            .map(|(material, votes)| material.groups().len() * (votes[0].len() + votes[1].len()))
+            .sum();
         // Materials do not touch each other, so the result is the same with any number of threads.
         #[cfg(not(target_arch = "wasm32"))]
-        if pages(&changed) >= PARALLEL_PAGES {
+        if pages >= PARALLEL_PAGES {
             changed.into_par_iter().for_each_init(Blocks::default, set);
         } else {
             changed.into_iter().for_each(|one| set(&mut self.blocks, one));
@@ -408,14 +413,4 @@ fn sort(votes: &mut Vec<(u32, u64)>) {
         }
         same
     });
-}
-
-/// Pages of materials whose votes have changed.
-#[cfg(not(target_arch = "wasm32"))]
-fn pages(changed: &[(&mut Material, &mut TileVotes)]) -> usize {
-    let tiles = |votes: &TileVotes| votes[0].len() + votes[1].len();
-    let pages = changed
-        .iter()
-        .map(|(material, votes)| material.groups().len() * tiles(votes));
-    pages.sum()
 }
