@@ -66,9 +66,8 @@ impl Engine {
     pub(super) fn receive(&mut self) {
         self.archives.submit(&mut *self.source);
         let now = self.now();
-        // Roots of materials that are not known yet come before the details of those that are.
-        let opening = self.archives.decided() < self.archives.count();
-        self.records.submit(now, opening, &self.btfs, &mut *self.source);
+        let unknown = self.archives.count().saturating_sub(self.archives.decided());
+        self.records.submit(now, unknown, &self.btfs, &mut *self.source);
         for _ in 0..self.source.capacity() {
             let Some(answer) = self.source.poll() else { break };
             self.wire_bytes += answer.wire_bytes;

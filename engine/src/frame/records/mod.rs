@@ -49,6 +49,8 @@ pub(super) struct Records {
     flying: HashMap<Item, Ticket>,
     bytes_in_flight: u64,
     window: Window,
+    /// Archives that are not known, and since when there are so many, in seconds.
+    unknown: (usize, f64),
     /// With the time in seconds at which each was asked for.
     wanted: HashMap<Item, f64>,
     /// Seconds from there until it was decoded, of late.
@@ -90,6 +92,7 @@ impl Records {
             flying: HashMap::new(),
             bytes_in_flight: 0,
             window: Window::default(),
+            unknown: (0, 0.0),
             wanted: HashMap::new(),
             latency: 0.0,
             timed: 0.0,

@@ -23,6 +23,8 @@ const MOST_UPCOMING: usize = 1024;
 
 /// Bytes in flight while indices are, which keep the line busy themselves: about the column and the root of one material.
 const OPENING_BYTES: u64 = 16 << 10;
+/// Seconds without another index after which those that are missing are not waited for.
+const OPENING_SECONDS: f64 = 1.0;
 
 impl Records {
     /// Starts what a plan asks for and gives up what it cancels; fetches in the order of [`Policy::upcoming`], also what
@@ -184,16 +186,20 @@ impl Records {
     }
 
     /// Submits what waits, as far as the source, the line and the budgets allow; one record always. Nothing that is in flight and still of
-    /// use gives way: what has been sent of it would be lost, for less than the round trips that the window holds. `opening`: more
-    /// materials will be known soon, and their roots come before the details of those that are: little goes out before them.
+    /// use gives way: what has been sent of it would be lost, for less than the round trips that the window holds. While some of
+    /// the archives are `unknown` and go on coming, little goes out: their roots are worth more than details of the others.
     pub(in crate::frame) fn submit(
         &mut self,
         now: f64,
-        opening: bool,
+        unknown: usize,
         btfs: &[Arc<Btf>],
         source: &mut dyn TileSource,
     ) {
         let most = self.budgets.requests_in_flight.min(source.capacity());
+        if self.unknown.0 != unknown {
+            self.unknown = (unknown, now);
+        }
+        let opening = unknown > 0 && now - self.unknown.1 < OPENING_SECONDS;
         let line = match opening {
             true => self.window.bytes().min(OPENING_BYTES),
             false => self.window.bytes(),
