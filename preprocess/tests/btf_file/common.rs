@@ -37,11 +37,13 @@ impl Shape {
 pub(crate) struct Meta {
     pub(crate) version: u32,
     pub(crate) cosine: bool,
+    pub(crate) channels: &'static [&'static str],
 }
 
 pub(crate) const META: Meta = Meta {
     version: 4,
     cosine: false,
+    channels: &["R", "G", "B"],
 };
 
 /// Bytes in the making.
@@ -81,9 +83,9 @@ impl Bytes {
             bytes.0.extend(b"<a></a>");
         }
         if meta.version > 3 {
-            bytes.u32(3);
-            for name in ["R", "G", "B"] {
-                bytes.u32(1);
+            bytes.u32(meta.channels.len());
+            for name in meta.channels {
+                bytes.u32(name.len());
                 bytes.0.extend(name.as_bytes());
             }
         }

@@ -52,8 +52,8 @@ fn contradictions_are_named() {
     // The count of channels follows the XML text.
     let channels = DIRECTIONS - 19;
     named(
-        &put(&good, channels, &[31]),
-        &["31 channels", &format!("byte {channels}"), "expected 3"],
+        &put(&good, channels, &[2]),
+        &["2 channels", &format!("byte {channels}"), "expected 3"],
     );
     named(
         &put(&good, channels - 11, &[0, 0, 0, 0x7f]),

@@ -135,6 +135,7 @@ fn old_meta_data_and_the_cosine_flag() {
         let meta = Meta {
             version,
             cosine: true,
+            ..META
         };
         let mut bytes = Bytes::common("!FMF06FC", meta, SMALL);
         bytes.u32(1);

@@ -7,3 +7,4 @@ mod damage;
 mod dfmf;
 mod fmf;
 mod pvf;
+mod spectral;

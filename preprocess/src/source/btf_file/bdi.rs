@@ -2,7 +2,7 @@
 //!
 //! After the directions: u32 width, u32 height, u32 scan lines of a chunk, u8 compression, u8 `mask[height][width]`,
 //! local frames. Then chunks of u32 bytes and as many bytes: the samples of `width·scan lines` texels in reading
-//! order, each `[view][light][rgb]`; with compression 2 of the next so many texels that the mask holds. The last
+//! order, each `[view][light][rgb]`, or `[view][light][channel]` of a spectrum; with compression 2 of the next so many texels that the mask holds. The last
 //! chunk may be filled up to the size of the others.
 //!
 //! btflib, the one public reader, declares the mask as `[width][height]` but numbers the texels in reading order when it
@@ -24,7 +24,7 @@ use crate::npy::Samples;
 use crate::source::Images;
 use crate::{Error, Result};
 
-/// Samples of a block of texels of the scratch file, in bytes.
+/// Samples that all threads together transpose at a time, in bytes; each has them twice, and those of a spectrum besides.
 const BLOCK_BYTES: usize = 64 << 20;
 /// Most times that bzip2 is believed to shrink samples. It bounds the scratch file that a small file can ask for; bzip2
 /// itself can shrink a run of equal bytes by far more. Not derived from measured BTFs, of which none was at hand.
@@ -40,8 +40,8 @@ pub(super) struct Bdi {
     texels: usize,
     /// Which texels are stored, ascending; `None` if all are.
     positions: Option<Vec<u32>>,
-    /// Stored texels of a block of the scratch file.
-    block: usize,
+    /// Where the stored texels of each block of the scratch file begin, and their number. Blocks end where chunks do.
+    starts: Vec<usize>,
     /// Where the texels of each block begin in an image.
     bounds: Vec<usize>,
     lights: usize,
@@ -85,7 +85,7 @@ pub(super) fn open(cursor: &mut Cursor<'_>, file: &Arc<ByteFile>, header: &mut H
     if stored == 0 {
         return Err(file.error("masks out every texel: there are no samples in it"));
     }
-    let rows = 3 * header.images();
+    let rows = header.channels() * header.images();
     // At most 2^48 before the minimum, and then no more than the texels.
     let chunk_texels = (u64::from(header.width) * u64::from(scan_lines)).min(stored as u64) as usize;
     let full_chunk_texels = u64::from(header.width) * u64::from(scan_lines);
@@ -113,6 +113,7 @@ pub(super) fn open(cursor: &mut Cursor<'_>, file: &Arc<ByteFile>, header: &mut H
     cursor.finish("the last chunk")?;
     let packed: u64 = chunks.iter().map(|chunk| chunk.bytes).sum();
     let samples_bytes = stored as u128 * rows as u128 * 2;
+    let scratch_bytes = stored as u64 * header.images() as u64 * 6;
     if samples_bytes > u128::from(packed) * u128::from(MAX_BZIP2_RATIO) {
         return Err(file.error(format!(
             "claims {samples_bytes} bytes of samples in {packed} bytes of bzip2: more than {MAX_BZIP2_RATIO} times \
@@ -120,7 +121,7 @@ pub(super) fn open(cursor: &mut Cursor<'_>, file: &Arc<ByteFile>, header: &mut H
         )));
     }
     header.notes.push(format!(
-        "the samples are transposed when the first image is read, into a scratch file of {samples_bytes} bytes beside \
+        "the samples are transposed when the first image is read, into a scratch file of {scratch_bytes} bytes beside \
          the file or in the folder for temporary files"
     ));
     Ok(Bdi {
@@ -133,16 +134,17 @@ pub(super) fn open(cursor: &mut Cursor<'_>, file: &Arc<ByteFile>, header: &mut H
             chunk_texels,
             texels: stored,
             samples: rows,
+            spectrum: header.spectrum.take(),
         },
         texels,
         positions,
-        block: 0,
+        starts: Vec::new(),
         bounds: Vec::new(),
         lights: header.sampling.lights.len(),
         scratch: OnceLock::new(),
         making: Mutex::new(()),
     }
-    .with_block((BLOCK_BYTES / (2 * rows)).clamp(1, stored)))
+    .with_block((BLOCK_BYTES / rayon::current_num_threads() / (2 * rows)).clamp(1, stored)))
 }
 
 /// How many texels the mask holds, and if asked for which.
@@ -163,15 +165,21 @@ fn read_mask(cursor: &mut Cursor<'_>, texels: usize, list: bool) -> Result<(usiz
 }
 
 impl Bdi {
-    /// Makes blocks of the scratch file hold `block` stored texels.
+    /// Makes blocks of the scratch file hold `block` stored texels at most.
     fn with_block(mut self, block: usize) -> Self {
         let begin = |stored: usize| match &self.positions {
             Some(positions) if stored > 0 => positions[stored] as usize,
             _ => stored,
         };
-        let starts = (0..self.abrdfs.texels).step_by(block);
-        self.bounds = starts.map(begin).chain([self.texels]).collect();
-        self.block = block;
+        let chunks = 0..self.abrdfs.chunks.len();
+        let starts = chunks.flat_map(|chunk| self.abrdfs.texels_of(chunk).step_by(block));
+        self.starts = starts.chain([self.abrdfs.texels]).collect();
+        let blocks = &self.starts[..self.starts.len() - 1];
+        self.bounds = blocks
+            .iter()
+            .map(|&start| begin(start))
+            .chain([self.texels])
+            .collect();
         self
     }
 
@@ -184,12 +192,12 @@ impl Bdi {
         if let Some(scratch) = self.scratch.get() {
             return Ok(scratch);
         }
-        let scratch = transpose::transpose(&self.abrdfs, self.block)?;
+        let scratch = transpose::transpose(&self.abrdfs, &self.starts)?;
         Ok(self.scratch.get_or_init(|| scratch))
     }
 
     fn bytes(&self) -> u64 {
-        (self.abrdfs.texels * self.abrdfs.samples) as u64 * 2
+        (self.abrdfs.texels * self.abrdfs.rows()) as u64 * 2
     }
 }
 
@@ -216,10 +224,10 @@ impl Images for Bdi {
             .into_par_iter()
             .enumerate()
             .try_for_each_init(Vec::new, |halves, (index, mut rows)| {
-                let first = index * self.block;
-                let count = self.block.min(self.abrdfs.texels - first);
+                let first = self.starts[index];
+                let count = self.starts[index + 1] - first;
                 halves.resize(rows.len() * count, f16::ZERO);
-                let offset = (first * self.abrdfs.samples + 3 * images.start * count) as u64 * 2;
+                let offset = (first * self.abrdfs.rows() + 3 * images.start * count) as u64 * 2;
                 read_at(scratch, offset, bytemuck::cast_slice_mut(halves))
                     .map_err(Error::io(self.abrdfs.file.path(), "read its scratch file back"))?;
                 for (row, halves) in rows.iter_mut().zip(halves.chunks_exact(count)) {
@@ -283,6 +291,7 @@ mod tests {
             width: 5,
             height: 3,
             notes: Vec::new(),
+            spectrum: None,
         };
         let bdi = open(&mut Cursor::new(&file), &file, &mut header)
             .unwrap()

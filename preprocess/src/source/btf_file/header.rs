@@ -4,12 +4,17 @@ use tileset::Direction;
 
 use super::bytes::Cursor;
 use crate::npy::Sampling;
+use crate::source::decode::spectrum;
 use crate::{Error, Result};
 
 /// Largest difference of a light's angles between two views that is taken for rounding, in radians.
 const SAME_ANGLE: f64 = 1e-4;
 /// A right angle with the slack that archives have.
 const MAX_THETA: f64 = std::f64::consts::FRAC_PI_2 + 1e-4;
+/// Most channels of a spectrum: one a nanometre, and more than that.
+const MAX_CHANNELS: u32 = 4096;
+/// Wavelengths in nanometres that a channel's name may be without a unit.
+const BARE_NM: std::ops::RangeInclusive<f64> = 100.0..=4000.0;
 /// Versions of the meta data up to here are known.
 const META_VERSION: u32 = 4;
 /// The magic number of the older per-view files; it stands in place of the meta data.
@@ -99,13 +104,16 @@ pub(super) struct Header {
     pub(super) height: u32,
     /// What is in the file and not in the samples, for people.
     pub(super) notes: Vec<String>,
+    /// What a unit of each channel adds to red, green and blue, if the channels are those of a spectrum; else they are
+    /// red, green and blue.
+    pub(super) spectrum: Option<Vec<[f32; 3]>>,
 }
 
 impl Header {
     /// Meta data and directions of every layout; the size of the pictures follows.
     pub(super) fn read(cursor: &mut Cursor<'_>) -> Result<Self> {
         let mut notes = Vec::new();
-        let cosine = read_meta(cursor, &mut notes)?;
+        let (cosine, spectrum) = read_meta(cursor, &mut notes)?;
         let (views, lights) = read_directions(cursor)?;
         let (width, height) = read_size(cursor)?;
         let sampling = Sampling {
@@ -119,6 +127,7 @@ impl Header {
             width,
             height,
             notes,
+            spectrum,
         })
     }
 
@@ -143,6 +152,7 @@ impl Header {
                 width,
                 height,
                 notes,
+                spectrum: None,
             },
             slots,
         ))
@@ -168,14 +178,19 @@ impl Header {
         self.sampling.views.len() * self.sampling.lights.len()
     }
 
+    /// Channels that are stored.
+    pub(super) fn channels(&self) -> usize {
+        self.spectrum.as_ref().map_or(3, Vec::len)
+    }
+
     /// Texels of an image.
     pub(super) fn texels(&self) -> usize {
         self.width as usize * self.height as usize
     }
 }
 
-/// The meta data; whether the samples include the cosine.
-fn read_meta(cursor: &mut Cursor<'_>, notes: &mut Vec<String>) -> Result<bool> {
+/// The meta data: whether the samples include the cosine, and the spectrum.
+fn read_meta(cursor: &mut Cursor<'_>, notes: &mut Vec<String>) -> Result<(bool, Option<Vec<[f32; 3]>>)> {
     let start = cursor.at();
     let size = cursor.u32("the size of the meta data")?;
     let version = cursor.u32("the version of the meta data")?;
@@ -193,9 +208,11 @@ fn read_meta(cursor: &mut Cursor<'_>, notes: &mut Vec<String>) -> Result<bool> {
         let bytes = cursor.u32("the size of the XML text")?;
         cursor.skip("the XML text", bytes.into())?;
     }
-    if version > 3 {
-        read_channels(cursor, notes)?;
-    }
+    let spectrum = if version > 3 {
+        read_channels(cursor, notes)?
+    } else {
+        None
+    };
     let found = cursor.at() - start;
     if found != u64::from(size) {
         return Err(cursor.file().error(format!(
@@ -203,16 +220,16 @@ fn read_meta(cursor: &mut Cursor<'_>, notes: &mut Vec<String>) -> Result<bool> {
              {found} (versions up to {META_VERSION} are known)"
         )));
     }
-    Ok(cosine)
+    Ok((cosine, spectrum))
 }
 
-fn read_channels(cursor: &mut Cursor<'_>, notes: &mut Vec<String>) -> Result<()> {
+/// The channels: what they add to red, green and blue if their names are wavelengths, as `550nm`, `S0.550nm` or `550`.
+fn read_channels(cursor: &mut Cursor<'_>, notes: &mut Vec<String>) -> Result<Option<Vec<[f32; 3]>>> {
     let at = cursor.at();
     let count = cursor.u32("the number of channels")?;
-    if count != 3 {
+    if !(3..=MAX_CHANNELS).contains(&count) {
         return Err(cursor.file().error(format!(
-            "holds {count} channels (byte {at}), expected 3, red, green and blue: convert spectral samples to \
-             linear RGB first"
+            "holds {count} channels (byte {at}), expected 3, red, green and blue, or a spectrum of 3 to {MAX_CHANNELS}"
         )));
     }
     let mut names = Vec::new();
@@ -225,10 +242,41 @@ fn read_channels(cursor: &mut Cursor<'_>, notes: &mut Vec<String>) -> Result<()>
         cursor.skip(&what, u64::from(bytes - shown))?;
         names.push(name);
     }
+    let with_unit: Vec<String> = names
+        .iter()
+        .map(|name| match name.trim().parse() {
+            Ok(nm) if BARE_NM.contains(&nm) => format!("{}nm", name.trim()),
+            _ => name.trim().to_owned(),
+        })
+        .collect();
+    let spectrum = spectrum::samples(&with_unit).map_err(|detail| cursor.file().error(detail))?;
+    if spectrum.len() == names.len() {
+        let (first, last) = (&spectrum[0], &spectrum[names.len() - 1]);
+        notes.push(format!(
+            "a spectrum of {count} channels, {} to {}, is shown as linear RGB under D65",
+            with_unit[first.channel], with_unit[last.channel]
+        ));
+        let mut weights = vec![[0.0; 3]; names.len()];
+        for sample in spectrum {
+            weights[sample.channel] = sample.rgb;
+        }
+        return Ok(Some(weights));
+    }
+    if count != 3 {
+        let known: Vec<usize> = spectrum.iter().map(|sample| sample.channel).collect();
+        let other = (0..names.len())
+            .find(|channel| !known.contains(channel))
+            .unwrap_or(0);
+        return Err(cursor.file().error(format!(
+            "holds {count} channels (byte {at}), of which channel {other} is named {:?}: expected 3, red, green and blue, \
+             or all named by their wavelengths in nanometres, as \"550nm\" or \"550\"",
+            names[other]
+        )));
+    }
     if names != ["R", "G", "B"] {
         notes.push(format!("channels {names:?} are taken as red, green and blue"));
     }
-    Ok(())
+    Ok(None)
 }
 
 fn read_size(cursor: &mut Cursor<'_>) -> Result<(u32, u32)> {

@@ -83,7 +83,8 @@ impl Sizes {
 }
 
 /// FMF: rows are `rgb + 3·(light + lights·view)` and columns `x + width·y`; or, transposed, rows are
-/// `rgb + 3·(x + width·y)` and columns `light + lights·view`.
+/// `rgb + 3·(x + width·y)` and columns `light + lights·view`. A spectrum has its channels in place of rgb, and their number
+/// in place of 3.
 pub(super) fn fmf(
     cursor: &mut Cursor<'_>,
     file: &Arc<ByteFile>,
@@ -115,19 +116,35 @@ pub(super) fn fmf(
             }
         }
     }
+    let channels = header.channels();
+    if colour == ColourModel::LogRgb && header.spectrum.is_some() {
+        return Err(file.error(format!(
+            "holds logarithms of a spectrum of {channels} channels, which do not add up to colours: spectra are read \
+             without range reduction; convert it to linear values or to RGB with the tool that wrote it"
+        )));
+    }
     cursor.u32("the number of components")?;
     let sizes = Sizes::read(cursor, "the factorization")?;
     let (images, texels) = (header.images(), header.texels());
-    let upright = sizes.upright(file, "factors", (3 * images, texels), (3 * texels, images))?;
+    let upright = sizes.upright(
+        file,
+        "factors",
+        (channels * images, texels),
+        (channels * texels, images),
+    )?;
     sizes.skip_values(cursor, format!("{} singular values", sizes.components))?;
     let u = sizes.matrix(cursor, file, "U".into(), sizes.rows)?;
     let v = sizes.matrix(cursor, file, "S*V".into(), sizes.columns)?;
     cursor.finish("S*V")?;
     let scalar = u.scalar();
+    let u = match header.spectrum.take() {
+        None => Side::Interleaved(u),
+        Some(rgb) => Side::Spectrum(u, rgb),
+    };
     let (images_side, texels_side) = if upright {
-        (Side::Interleaved(u), Side::Shared(v))
+        (u, Side::Shared(v))
     } else {
-        (Side::Shared(v), Side::Interleaved(u))
+        (Side::Shared(v), u)
     };
     let product = Product {
         images: images_side,

@@ -20,8 +20,11 @@
 //! directions are taken as those of the tangent frame), the height map, the XML text, and the rgb scale, which neither of
 //! the two readers named below applies; samples are taken as radiance factors. The files do not say whether the material repeats; it is taken not to.
 //!
-//! Not supported, with an error that says so: more or fewer channels than three (spectral BTFs), colour model 6,
-//! and lights that differ between views.
+//! Channels that are named by wavelengths are a spectrum, which becomes linear RGB under D65 (CIE 1931 observer) in BDI
+//! files and in linear FMF files, where its layout is known: their channels lie next to each other.
+//!
+//! Not supported, with an error that says so: spectra in other layouts, colour model 6, and lights that differ between
+//! views.
 //!
 //! Nothing in a header is believed before it is compared with the file's length, so memory stays below a small
 //! multiple of that length whatever a header claims.
@@ -81,6 +84,13 @@ pub(super) fn open(path: &Path) -> Result<Btf> {
     } else {
         Header::read(cursor)?
     };
+    if let (Kind::Dfmf | Kind::Pvf, Some(spectrum)) = (signature.kind, &header.spectrum) {
+        return Err(file.error(format!(
+            "holds a spectrum of {} channels as DFMF or PVF, for which the order of channels is not public: spectra are \
+             read from BDI and FMF files; convert it to one of them, or to linear RGB, with the tool that wrote it",
+            spectrum.len()
+        )));
+    }
     if signature.frames && signature.kind != Kind::Bdi && slots.is_none() {
         header.skip_frames(cursor)?;
     }

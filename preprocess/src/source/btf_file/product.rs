@@ -26,6 +26,8 @@ pub(super) enum Side {
     Shared(Matrix),
     /// Row `3·item + channel`.
     Interleaved(Matrix),
+    /// Row `channels·item + channel` of a spectrum, and what its channels add to red, green and blue.
+    Spectrum(Matrix, Vec<[f32; 3]>),
     /// One matrix a channel, with a row an item.
     Planes([Matrix; 3]),
 }
@@ -52,7 +54,9 @@ pub(super) struct Rows {
 impl Side {
     fn matrices(&self) -> &[Matrix] {
         match self {
-            Side::Shared(matrix) | Side::Interleaved(matrix) => std::slice::from_ref(matrix),
+            Side::Shared(matrix) | Side::Interleaved(matrix) | Side::Spectrum(matrix, _) => {
+                std::slice::from_ref(matrix)
+            }
             Side::Planes(matrices) => matrices,
         }
     }
@@ -60,7 +64,9 @@ impl Side {
     /// Terms of each channel.
     pub(super) fn terms(&self) -> [usize; 3] {
         match self {
-            Side::Shared(matrix) | Side::Interleaved(matrix) => [matrix.columns(); 3],
+            Side::Shared(matrix) | Side::Interleaved(matrix) | Side::Spectrum(matrix, _) => {
+                [matrix.columns(); 3]
+            }
             Side::Planes(matrices) => matrices.each_ref().map(Matrix::columns),
         }
     }
@@ -74,6 +80,7 @@ impl Side {
     pub(super) fn offset(&self, item: usize) -> u64 {
         match self {
             Side::Interleaved(matrix) => matrix.row_offset(3 * item),
+            Side::Spectrum(matrix, rgb) => matrix.row_offset(rgb.len() * item),
             _ => self.matrices()[0].row_offset(item),
         }
     }
@@ -89,6 +96,20 @@ impl Side {
             }
             Side::Interleaved(matrix) => {
                 matrix.read(3 * items.start..3 * items.end, &mut data)?;
+                std::array::from_fn(|channel| (channel * terms[0], 3 * terms[0], terms[0]))
+            }
+            Side::Spectrum(matrix, rgb) => {
+                let mut spectrum = Vec::new();
+                for item in items.clone() {
+                    spectrum.clear();
+                    matrix.read(rgb.len() * item..rgb.len() * (item + 1), &mut spectrum)?;
+                    for colour in 0..3 {
+                        data.extend((0..terms[0]).map(|term| -> f32 {
+                            let values = spectrum.iter().skip(term).step_by(terms[0]);
+                            values.zip(rgb).map(|(value, rgb)| value * rgb[colour]).sum()
+                        }));
+                    }
+                }
                 std::array::from_fn(|channel| (channel * terms[0], 3 * terms[0], terms[0]))
             }
             Side::Planes(matrices) => {
@@ -141,7 +162,7 @@ impl Product {
         let count = texels.len();
         let right = self.texels.read(texels.clone())?;
         out.resize(3 * images.len() * count, 0.0);
-        if let (Side::Interleaved(_), Side::Shared(_)) = (&self.images, &self.texels) {
+        if let (Side::Interleaved(_) | Side::Spectrum(..), Side::Shared(_)) = (&self.images, &self.texels) {
             // One product for the three channels packs the texel factor once and not three times.
             let left = left.interleaved().subrows(3 * images.start, 3 * images.len());
             let values = MatMut::from_row_major_slice_mut(out, 3 * images.len(), count);

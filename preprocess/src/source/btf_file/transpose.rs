@@ -1,17 +1,22 @@
 //! From apparent BRDFs, one after the other, to a file in which an image can be read.
+//!
+//! Chunks do not depend on each other: each thread takes one, unpacks it piece by piece, and writes the transposed pieces to
+//! where they belong.
 
 use std::fs::File;
-use std::io::{Read, Write};
+use std::io::{Read, Seek, SeekFrom, Write};
+use std::ops::Range;
 use std::path::Path;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use bzip2::read::MultiBzDecoder;
+use half::f16;
 use rayon::prelude::*;
 
 use super::bytes::ByteFile;
 use crate::{Error, Result};
 
-/// Rows that a task transposes: a cache line of half floats.
+/// Rows that are transposed at a time: a cache line of half floats.
 const TILE_ROWS: usize = 32;
 
 /// Where the apparent BRDFs of a BDI file lie.
@@ -25,8 +30,10 @@ pub(super) struct Abrdfs {
     pub(super) chunk_texels: usize,
     /// Texels stored.
     pub(super) texels: usize,
-    /// Samples of a texel: views × lights × 3.
+    /// Samples of a texel as they are stored: views × lights × channels.
     pub(super) samples: usize,
+    /// What the channels add to red, green and blue, if they are those of a spectrum.
+    pub(super) spectrum: Option<Vec<[f32; 3]>>,
 }
 
 /// A chunk's bytes.
@@ -36,34 +43,106 @@ pub(super) struct Chunk {
     pub(super) bytes: u64,
 }
 
-/// Writes a scratch file: for each block of `block` texels `[view][light][rgb][texel]`, as the half floats are.
+/// Writes a scratch file: for each block of texels, which are those between two of `starts` and lie within a chunk,
+/// `[view][light][rgb][texel]`, as half floats.
 ///
 /// # Errors
 /// Chunks that cannot be decompressed, and no room for the scratch file.
-pub(super) fn transpose(abrdfs: &Abrdfs, block: usize) -> Result<File> {
+pub(super) fn transpose(abrdfs: &Abrdfs, starts: &[usize]) -> Result<File> {
     let path = abrdfs.file.path();
-    let bytes = abrdfs.texels as u64 * abrdfs.samples as u64 * 2;
-    let (mut scratch, folder) = scratch_file(path)?;
-    let mut source = Source::new(abrdfs);
-    let (mut texels, mut rows) = (Vec::<u16>::new(), Vec::<u16>::new());
-    for first in (0..abrdfs.texels).step_by(block) {
-        let count = block.min(abrdfs.texels - first);
-        texels.resize(count * abrdfs.samples, 0);
-        rows.resize(texels.len(), 0);
-        source.read(&mut texels)?;
-        rows.par_chunks_mut(TILE_ROWS * count)
-            .enumerate()
-            .for_each(|(tile, out)| transpose_tile(&texels, abrdfs.samples, tile * TILE_ROWS, out, count));
-        scratch.write_all(bytemuck::cast_slice(&rows)).map_err(Error::io(
-            path,
-            format!("write its scratch file of {bytes} bytes in {folder}: make room there or copy the file elsewhere"),
-        ))?;
+    let bytes = abrdfs.texels as u64 * abrdfs.rows() as u64 * 2;
+    let (scratch, folder) = scratch_file(path)?;
+    let scratch = Mutex::new(scratch);
+    let failed = || {
+        format!(
+            "write its scratch file of {bytes} bytes in {folder}: make room there or copy the file elsewhere"
+        )
+    };
+    let chunks = 0..abrdfs.chunks.len();
+    chunks
+        .into_par_iter()
+        .try_for_each_init(Buffers::default, |buffers, chunk| {
+            let all = abrdfs.texels_of(chunk);
+            let blocks = starts.partition_point(|&start| start < all.start)
+                ..starts.partition_point(|&start| start < all.end);
+            let mut source = Source::new(abrdfs, chunk);
+            for block in blocks {
+                let (first, count) = (starts[block], starts[block + 1] - starts[block]);
+                buffers.read(&mut source, count)?;
+                buffers.transpose(count);
+                let offset = first as u64 * abrdfs.rows() as u64 * 2;
+                let mut scratch = scratch.lock().unwrap_or_else(PoisonError::into_inner);
+                scratch
+                    .seek(SeekFrom::Start(offset))
+                    .and_then(|_| scratch.write_all(bytemuck::cast_slice(&buffers.rows)))
+                    .map_err(Error::io(path, failed()))?;
+            }
+            source.expect_end()
+        })?;
+    Ok(scratch.into_inner().unwrap_or_else(PoisonError::into_inner))
+}
+
+impl Abrdfs {
+    /// The stored texels of a chunk.
+    pub(super) fn texels_of(&self, chunk: usize) -> Range<usize> {
+        let end = self.texels.min((chunk + 1).saturating_mul(self.chunk_texels));
+        chunk * self.chunk_texels..end
     }
-    Ok(scratch)
+
+    /// Samples of a texel in the scratch file: views × lights × 3.
+    pub(super) fn rows(&self) -> usize {
+        match &self.spectrum {
+            None => self.samples,
+            Some(spectrum) => self.samples / spectrum.len() * 3,
+        }
+    }
+}
+
+/// What a thread works on.
+#[derive(Default)]
+struct Buffers {
+    /// As stored, if that is a spectrum: `[texel][view][light][channel]`.
+    spectra: Vec<f16>,
+    /// `[texel][view][light][rgb]`.
+    texels: Vec<f16>,
+    /// `[view][light][rgb][texel]`.
+    rows: Vec<f16>,
+}
+
+impl Buffers {
+    /// Reads the next texels.
+    fn read(&mut self, source: &mut Source<'_>, count: usize) -> Result<()> {
+        let abrdfs = source.abrdfs;
+        self.texels.resize(count * abrdfs.rows(), f16::ZERO);
+        let Some(rgb) = &abrdfs.spectrum else {
+            return source.read(&mut self.texels);
+        };
+        self.spectra.resize(count * abrdfs.samples, f16::ZERO);
+        source.read(&mut self.spectra)?;
+        let spectra = self.spectra.chunks_exact(rgb.len());
+        for (to, spectrum) in self.texels.as_chunks_mut::<3>().0.iter_mut().zip(spectra) {
+            let mut sum = [0f32; 3];
+            for (value, rgb) in spectrum.iter().zip(rgb) {
+                let value = value.to_f32();
+                sum = std::array::from_fn(|colour| sum[colour] + value * rgb[colour]);
+            }
+            *to = sum.map(f16::from_f32);
+        }
+        Ok(())
+    }
+
+    /// Rows of `count` texels from texels.
+    fn transpose(&mut self, count: usize) {
+        let samples = self.texels.len() / count;
+        self.rows.resize(self.texels.len(), f16::ZERO);
+        for (tile, out) in self.rows.chunks_mut(TILE_ROWS * count).enumerate() {
+            transpose_tile(&self.texels, samples, tile * TILE_ROWS, out, count);
+        }
+    }
 }
 
 /// `out[row][texel] = texels[texel][first_row + row]`.
-fn transpose_tile(texels: &[u16], samples: usize, first_row: usize, out: &mut [u16], count: usize) {
+fn transpose_tile(texels: &[f16], samples: usize, first_row: usize, out: &mut [f16], count: usize) {
     let rows = out.len() / count;
     for (texel, samples) in texels.chunks_exact(samples).enumerate() {
         for (row, &sample) in samples[first_row..first_row + rows].iter().enumerate() {
@@ -90,86 +169,62 @@ fn scratch_file(path: &Path) -> Result<(File, String)> {
     Ok((file, folder.display().to_string()))
 }
 
-/// The apparent BRDFs as one stream of samples.
+/// The apparent BRDFs of a chunk as a stream of samples.
 struct Source<'a> {
     abrdfs: &'a Abrdfs,
-    /// The chunk that is read next.
     chunk: usize,
-    /// What is left of the current chunk: samples, and where they come from.
-    left: usize,
-    reader: Option<Box<dyn Read + 'a>>,
+    reader: Box<dyn Read + 'a>,
 }
 
 impl<'a> Source<'a> {
-    fn new(abrdfs: &'a Abrdfs) -> Self {
-        Self {
-            abrdfs,
-            chunk: 0,
-            left: 0,
-            reader: None,
-        }
-    }
-
-    /// Fills `out`, crossing from chunk to chunk.
-    fn read(&mut self, mut out: &mut [u16]) -> Result<()> {
-        while !out.is_empty() {
-            if self.left == 0 {
-                self.next_chunk();
-            }
-            let (now, later) = out.split_at_mut(self.left.min(out.len()));
-            let chunk = self.chunk - 1;
-            let reader = self.reader.as_mut().expect("a chunk is open");
-            reader
-                .read_exact(bytemuck::cast_slice_mut(now))
-                .map_err(|error| self.error(chunk, &error))?;
-            self.left -= now.len();
-            if self.left == 0 && self.chunk < self.abrdfs.chunks.len() {
-                self.expect_end(chunk)?;
-            }
-            out = later;
-        }
-        Ok(())
-    }
-
-    fn next_chunk(&mut self) {
-        let abrdfs = self.abrdfs;
-        let Chunk { offset, bytes } = abrdfs.chunks[self.chunk];
-        let texels = abrdfs
-            .chunk_texels
-            .min(abrdfs.texels - self.chunk * abrdfs.chunk_texels);
+    fn new(abrdfs: &'a Abrdfs, chunk: usize) -> Self {
+        let Chunk { offset, bytes } = abrdfs.chunks[chunk];
         let part = Part {
             file: &abrdfs.file,
             at: offset,
             end: offset + bytes,
         };
-        self.reader = Some(if abrdfs.bzip2 {
+        let reader: Box<dyn Read + 'a> = if abrdfs.bzip2 {
             Box::new(MultiBzDecoder::new(part))
         } else {
             Box::new(part)
-        });
-        self.left = texels * abrdfs.samples;
-        self.chunk += 1;
-    }
-
-    /// An error if a chunk that is not the last holds more than its texels.
-    fn expect_end(&mut self, chunk: usize) -> Result<()> {
-        let reader = self.reader.as_mut().expect("a chunk is open");
-        match reader.read(&mut [0]) {
-            Ok(0) => Ok(()),
-            Ok(_) => Err(self.abrdfs.file.error(format!(
-                "has a chunk {chunk} (byte {}) that unpacks to more than the {} samples of its texels",
-                self.abrdfs.chunks[chunk].offset,
-                self.abrdfs.chunk_texels * self.abrdfs.samples
-            ))),
-            Err(error) => Err(self.error(chunk, &error)),
+        };
+        Self {
+            abrdfs,
+            chunk,
+            reader,
         }
     }
 
-    fn error(&self, chunk: usize, error: &std::io::Error) -> Error {
-        let Chunk { offset, bytes } = self.abrdfs.chunks[chunk];
+    fn read(&mut self, out: &mut [f16]) -> Result<()> {
+        self.reader
+            .read_exact(bytemuck::cast_slice_mut(out))
+            .map_err(|error| self.error(&error))
+    }
+
+    /// An error if the chunk holds more than its texels. The last may be filled up.
+    fn expect_end(&mut self) -> Result<()> {
+        if self.chunk + 1 == self.abrdfs.chunks.len() {
+            return Ok(());
+        }
+        match self.reader.read(&mut [0]) {
+            Ok(0) => Ok(()),
+            Ok(_) => Err(self.abrdfs.file.error(format!(
+                "has a chunk {} (byte {}) that unpacks to more than the {} samples of its texels",
+                self.chunk,
+                self.abrdfs.chunks[self.chunk].offset,
+                self.abrdfs.chunk_texels * self.abrdfs.samples
+            ))),
+            Err(error) => Err(self.error(&error)),
+        }
+    }
+
+    fn error(&self, error: &std::io::Error) -> Error {
+        let Chunk { offset, bytes } = self.abrdfs.chunks[self.chunk];
         self.abrdfs.file.error(format!(
-            "has a chunk {chunk} of {bytes} bytes (byte {offset}) that does not unpack to the samples of its texels: \
-             {error}; fetch the file again"
+            "has a chunk {} of {bytes} bytes (byte {offset}) that does not unpack to the samples of its texels: \
+             {error}; fetch the file again",
+            self.chunk
         ))
     }
 }

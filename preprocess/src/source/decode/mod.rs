@@ -13,7 +13,7 @@
 mod color;
 mod exr;
 mod raster;
-mod spectrum;
+pub(in crate::source) mod spectrum;
 
 pub use color::Color;
 

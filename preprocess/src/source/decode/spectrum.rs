@@ -16,11 +16,11 @@ const STEP_NM: f64 = 5.0;
 
 /// One channel of a spectrum.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Sample {
+pub(in crate::source) struct Sample {
     /// Among the channels of the image.
-    pub(super) channel: usize,
+    pub(in crate::source) channel: usize,
     /// What a unit of it adds to red, green and blue.
-    pub(super) rgb: [f32; 3],
+    pub(in crate::source) rgb: [f32; 3],
 }
 
 /// The channels of an image that make a spectrum, none if there are fewer than three. Of several layers the one with
@@ -28,7 +28,7 @@ pub(super) struct Sample {
 ///
 /// # Errors
 /// If two channels have the same wavelength.
-pub(super) fn samples(names: &[String]) -> Result<Vec<Sample>, String> {
+pub(in crate::source) fn samples(names: &[String]) -> Result<Vec<Sample>, String> {
     let mut found: Vec<(&str, f64, usize)> = names
         .iter()
         .enumerate()
