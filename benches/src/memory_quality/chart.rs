@@ -60,11 +60,14 @@ pub(super) fn chart(axes: &Axes<'_>, series: &[Series], mark: Option<(f64, f64)>
             &number(tick),
         );
     }
-    let ticks = match axes.log_above {
-        Some(_) => logarithmic(y),
+    let ticks: Vec<_> = match axes.log_above {
+        Some(_) => logarithmic(y)
+            .into_iter()
+            .map(|tick| (tick, number(tick)))
+            .collect(),
         None => linear(y),
     };
-    for tick in ticks {
+    for (tick, label) in ticks {
         line(
             &mut svg,
             &format!("M{LEFT} {:.1}h{}", at_y(tick), PANEL.0),
@@ -72,7 +75,7 @@ pub(super) fn chart(axes: &Axes<'_>, series: &[Series], mark: Option<(f64, f64)>
             1.0,
             false,
         );
-        text(&mut svg, LEFT - 5.0, at_y(tick) + 4.0, "end", &number(tick));
+        text(&mut svg, LEFT - 5.0, at_y(tick) + 4.0, "end", &label);
     }
     text(
         &mut svg,
@@ -143,17 +146,19 @@ fn logarithmic((low, high): (f64, f64)) -> Vec<f64> {
         .collect()
 }
 
-/// At most eight steps of 1, 2 or 5 times a power of ten.
-fn linear((low, high): (f64, f64)) -> Vec<f64> {
+/// At most eight steps of 1, 2 or 5 times a power of ten, with as many digits as tell them apart.
+fn linear((low, high): (f64, f64)) -> Vec<(f64, String)> {
     let power = 10f64.powf(((high - low) / 8.0).log10().floor());
     let step = [1.0, 2.0, 5.0]
         .into_iter()
         .find(|factor| (high - low) / (factor * power) <= 8.0);
     let step = step.unwrap_or(10.0) * power;
+    let digits = (-(step * 1.001).log10().floor()).clamp(0.0, 12.0) as usize;
     let first = (low / step).ceil() as i64;
     (first..)
         .map(|tick| tick as f64 * step)
         .take_while(|tick| *tick <= high + 1e-9 * step)
+        .map(|tick| (tick, format!("{tick:.digits$}")))
         .collect()
 }
 
@@ -201,8 +206,18 @@ mod tests {
     fn ticks_lie_in_range_and_read_well() {
         assert_eq!(logarithmic((0.0, 2.0)), [1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0]);
         assert_eq!(logarithmic((-3.0, 1.0)).len(), 5);
-        let ticks: Vec<_> = linear((0.1, 0.52)).into_iter().map(number).collect();
-        assert_eq!(ticks, ["0.1", "0.2", "0.3", "0.4", "0.5"]);
+        let labels = |range| -> Vec<_> { linear(range).into_iter().map(|(_, label)| label).collect() };
+        assert_eq!(labels((0.1, 0.52)), ["0.1", "0.2", "0.3", "0.4", "0.5"]);
+        let mut close = labels((0.99992, 0.99998));
+        close.dedup();
+        assert!(
+            close.len() >= 6 && close.iter().all(|label| label.len() == 7),
+            "{close:?}"
+        );
+        assert_eq!(
+            labels((20.0, 140.0)),
+            ["20", "40", "60", "80", "100", "120", "140"]
+        );
         assert_eq!(
             ["0.05", "1", "0.0001", "200", "12.5"],
             [0.05, 1.0, 1e-4, 200.0, 12.5].map(number)

@@ -91,16 +91,15 @@ pub fn table(results: &Results) -> String {
             measured.delta_e_2000,
         );
     }
-    let _ = writeln!(text, "\n{}", summary(results));
+    let _ = writeln!(text, "\n{}: {}", results.name, summary(results));
     text
 }
 
 fn summary(results: &Results) -> String {
     let mut text = format!(
-        "{}: {} materials; the view wants {} pages, {:.1} MiB with their columns.",
-        results.name,
-        results.materials,
+        "The view wants {} pages of {} streamed materials, {:.1} MiB with their columns.",
         results.pages_wanted,
+        results.materials,
         results.full_bytes as f64 / MIB
     );
     match results.knee.map(|at| &results.points[at]) {
