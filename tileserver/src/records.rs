@@ -112,12 +112,12 @@ impl Records {
     /// A record, checked, in the room that was made for it.
     pub(crate) async fn get(self: &Arc<Self>, served: &Arc<Served>, what: What, room: Room) -> Landed {
         let key = (served.index.id, what);
-        if matches!(served.record(what), Some((_, 0))) {
-            return Ok(Bytes::new()); // A page that equals its up-sampled parent.
-        }
         if let Some(bytes) = lock(&self.cache).records.get(&key).cloned() {
             self.metrics.cache_hits.add(1);
             return Ok(room.hold(bytes));
+        }
+        if matches!(served.record(what), Some((_, 0))) {
+            return Ok(Bytes::new()); // A page that equals its up-sampled parent.
         }
         let flight = self.flight(served, key);
         flight.await.map(|bytes| room.hold(bytes))

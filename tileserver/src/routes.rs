@@ -1,6 +1,13 @@
 //! Addresses and what they answer.
 
-use std::{convert::Infallible, sync::Arc};
+use std::{
+    convert::Infallible,
+    future::{Future, poll_fn},
+    pin::pin,
+    sync::Arc,
+    task::Poll,
+    time::Duration,
+};
 
 use hyper::{
     HeaderMap, Method, Request, StatusCode,
@@ -9,6 +16,7 @@ use hyper::{
     http::request::Parts,
 };
 use tileset::{PageId, Tile};
+use tokio::time::timeout;
 use xxhash_rust::xxh3::xxh3_64;
 
 use crate::{
@@ -54,8 +62,7 @@ pub(crate) async fn answer(
         match line.enter() {
             Ok(()) => {
                 let time = line.shared.options.request_timeout;
-                let handled = tokio::time::timeout(time, handle(&line.shared, &pulse, &head, address));
-                handled.await.unwrap_or_else(|_| Err(Failure::busy()))
+                in_time(time, handle(&line.shared, &pulse, &head, address)).await
             }
             Err(busy) => Err(busy),
         }
@@ -66,6 +73,17 @@ pub(crate) async fn answer(
         without_body(&mut response);
     }
     Ok(line.answered(response))
+}
+
+/// An answer, if it comes in time. Most are there at once: those cost no timer.
+async fn in_time(time: Duration, answer: impl Future<Output = Answer>) -> Answer {
+    let mut answer = pin!(answer);
+    match poll_fn(|context| Poll::Ready(answer.as_mut().poll(context))).await {
+        Poll::Ready(answer) => answer,
+        Poll::Pending => timeout(time, answer)
+            .await
+            .unwrap_or_else(|_| Err(Failure::busy())),
+    }
 }
 
 /// Leaves of a body only its length.

@@ -153,6 +153,36 @@ async fn silent_clients_are_left() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn heads_have_a_time_and_connections_may_rest() {
+    let folder = folder();
+    let options = Options {
+        header_timeout: Duration::from_millis(200),
+        ..Default::default()
+    };
+    let server = Server::with(folder.path(), options).await;
+    let mut stream = server.connect().await;
+    for _ in 0..2 {
+        stream
+            .write_all(b"GET /health HTTP/1.1\r\nhost: x\r\n\r\n")
+            .await
+            .unwrap();
+        let mut answer = Vec::new();
+        while !answer.ends_with(b"ok\n") {
+            assert_ne!(stream.read_buf(&mut answer).await.unwrap(), 0);
+        }
+        // Longer than a head may take: it has not begun.
+        tokio::time::sleep(Duration::from_millis(500)).await;
+    }
+    stream.write_all(b"GET /health HTTP/1.1\r\n").await.unwrap();
+    let end = timeout(PATIENCE, stream.read(&mut [0])).await;
+    assert!(
+        end.expect("it has begun and does not go on")
+            .is_ok_and(|bytes| bytes == 0)
+    );
+    server.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn a_server_without_room_says_so() {
     let folder = folder();
     let options = Options {
