@@ -154,10 +154,12 @@ impl Viewer {
                 self.show_lights()?;
             }
             Command::Record => self.toggle_recording(),
-            Command::Replay => match (self.player.take(), &self.motion) {
-                (None, Some(motion)) => self.player = Some(Player::new(motion.clone())),
-                _ => {}
-            },
+            Command::Replay => {
+                self.player = match self.player {
+                    Some(_) => None,
+                    None => self.motion.clone().map(Player::new),
+                };
+            }
             Command::Turntable => {
                 self.player = match self.player {
                     Some(_) => None,
