@@ -155,9 +155,10 @@ impl Viewer {
             }
             Command::Record => self.toggle_recording(),
             Command::Replay => {
-                if let (None, Some(motion)) = (self.player.take(), &self.motion) {
-                    self.player = Some(Player::new(motion.clone()));
-                }
+                self.player = match self.player {
+                    Some(_) => None,
+                    None => self.motion.clone().map(Player::new),
+                };
             }
             Command::Turntable => {
                 self.player = match self.player {

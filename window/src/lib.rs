@@ -28,11 +28,14 @@ use winit::event_loop::EventLoop;
 /// Opens the source of the archives: for the picture, and again for the one beside it.
 pub type Open = Box<dyn Fn() -> engine::Result<Box<dyn TileSource>>>;
 
+/// Writes a picture of this width and height in sRGB with alpha, `[y][x][rgba]`, to a file.
+pub type SavePng = fn(&Path, (u32, u32), &[u8]) -> Result<()>;
+
 /// How pictures get into files.
 #[derive(Clone, Copy)]
 pub struct Save {
-    /// Width and height, and sRGB with alpha, `[y][x][rgba]`.
-    pub png: fn(&Path, (u32, u32), &[u8]) -> Result<()>,
+    /// What a screen shows.
+    pub png: SavePng,
     /// Linear radiance.
     pub exr: fn(&Path, &Picture) -> Result<()>,
 }

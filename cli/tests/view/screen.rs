@@ -5,23 +5,23 @@ use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
 
 /// Width and height of the screen, pixels.
-pub(super) const SIZE: (u32, u32) = (1000, 700);
+pub(crate) const SIZE: (u32, u32) = (1000, 700);
 
 /// An X server, as long as this lives.
-pub(super) struct Screen {
+pub(crate) struct Screen {
     server: Child,
-    pub(super) display: String,
+    pub(crate) display: String,
     folder: tempfile::TempDir,
 }
 
 /// What is on the screen: `[y][x]`, red, green, blue.
-pub(super) struct Shown {
+pub(crate) struct Shown {
     width: usize,
     pixels: Vec<[u8; 3]>,
 }
 
 impl Screen {
-    pub(super) fn start() -> Self {
+    pub(crate) fn start() -> Self {
         let folder = tempfile::tempdir().expect("a folder");
         let size = format!("{}x{}x24", SIZE.0, SIZE.1);
         let mut server = Command::new("Xvfb")
@@ -53,7 +53,7 @@ impl Screen {
 
     /// What is shown now, from the X server's own memory, which is a file in the form of xwd (X Window Dump,
     /// `X11/XWDFile.h`): a header of big-endian words, colours of 12 bytes, rows of four bytes a pixel, blue first.
-    pub(super) fn shown(&self) -> Shown {
+    pub(crate) fn shown(&self) -> Shown {
         let file: PathBuf = self.folder.path().join("Xvfb_screen0");
         let bytes = std::fs::read(file).expect("the screen's memory");
         let word =
@@ -69,7 +69,7 @@ impl Screen {
     }
 
     /// Moves, presses and types by the words of xdotool.
-    pub(super) fn hand(&self, words: &[&str]) {
+    pub(crate) fn hand(&self, words: &[&str]) {
         let done = Command::new("xdotool")
             .args(words)
             .env("DISPLAY", &self.display)
@@ -80,7 +80,7 @@ impl Screen {
     }
 
     /// Gives the only window the keyboard, as a window manager would.
-    pub(super) fn focus(&self) {
+    pub(crate) fn focus(&self) {
         self.hand(&[
             "search",
             "--sync",
@@ -107,18 +107,18 @@ impl Shown {
     }
 
     /// How many colours there are in a rectangle.
-    pub(super) fn colors(&self, x: std::ops::Range<usize>, y: std::ops::Range<usize>) -> usize {
+    pub(crate) fn colors(&self, x: std::ops::Range<usize>, y: std::ops::Range<usize>) -> usize {
         self.of(x, y).collect::<std::collections::HashSet<_>>().len()
     }
 
     /// The share of pixels in a rectangle that differ from those of another screen.
-    pub(super) fn differs(&self, other: &Self, x: std::ops::Range<usize>, y: std::ops::Range<usize>) -> f64 {
+    pub(crate) fn differs(&self, other: &Self, x: std::ops::Range<usize>, y: std::ops::Range<usize>) -> f64 {
         let pairs: Vec<_> = self.of(x.clone(), y.clone()).zip(other.of(x, y)).collect();
         pairs.iter().filter(|(a, b)| a != b).count() as f64 / pairs.len() as f64
     }
 
     /// How many pixels of the whole screen have this colour.
-    pub(super) fn count(&self, color: [u8; 3]) -> usize {
+    pub(crate) fn count(&self, color: [u8; 3]) -> usize {
         self.pixels.iter().filter(|pixel| **pixel == color).count()
     }
 }
