@@ -10,7 +10,7 @@ use std::process::{Command, Stdio};
 use anyhow::{Context, Result, bail};
 
 use crate::setup::{apt_install, is_debian_root};
-use crate::steps::{Program, cargo, cargo_of};
+use crate::steps::{cargo, cargo_of};
 
 const TARGET: &str = "wasm32-unknown-unknown";
 /// Debian's compiler, cargo, the sources of std, and the linker.
