@@ -1,7 +1,7 @@
 //! Residency driven step by step beside a plain model, and what must hold after every step.
 
 use engine::residency::{Item, Limits, MaterialId, Placement, Plan, Residency, Slot, Vote};
-use tileset::{PageId, Tile};
+use tileset::PageId;
 
 use crate::{plain::Plain, scene::Scene};
 

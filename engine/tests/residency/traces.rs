@@ -1,12 +1,12 @@
 //! Properties of residency over random traces: scenes, votes of the present and ahead, limits that change, and answers
 //! that come late, twice, never, or that nobody asked for. Everything runs beside a plain model that works out all anew.
 
-use engine::residency::{Item, Limits, MaterialId, Placement, Plan, Residency, Slot, Vote};
+use engine::residency::{Item, Limits, MaterialId, Plan};
 use proptest::prelude::*;
 use tileset::{PageId, Tile};
 
 use crate::{
-    driver::{Driver, Step},
+    driver::{Driver, Step, item_material},
     scene::{scene, votes},
 };
 

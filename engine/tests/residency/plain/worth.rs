@@ -2,7 +2,7 @@
 
 use std::cmp::Reverse;
 
-use engine::residency::{Item, MaterialId, SLOTS_PER_PIN, SWAP_MARGIN};
+use engine::residency::{Item, MaterialId, MaterialInfo, SLOTS_PER_PIN, SWAP_MARGIN};
 use tileset::{PageId, Tile};
 
 use super::Plain;
@@ -185,7 +185,7 @@ impl Plain {
 }
 
 #[derive(Clone)]
-struct Block {
+pub(super) struct Block {
     sum: f64,
     tiles: Vec<Tile>,
     below: Vec<Block>,
