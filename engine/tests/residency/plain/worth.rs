@@ -185,7 +185,7 @@ impl Plain {
 }
 
 #[derive(Clone)]
-struct Block {
+pub(super) struct Block {
     sum: f64,
     tiles: Vec<Tile>,
     below: Vec<Block>,
