@@ -376,6 +376,9 @@ impl Run<'_> {
         let columns = self.engine.budgets().column_cache_bytes;
         // Grids of slots leave up to 1 % of a budget unused.
         let budget = u64::from(slots + slots / 64) * self.format.slot_bytes();
+        // Columns stay while they have room, wanted or not: what counts are those that come back.
+        let (_, column) = self.engine.column_slots();
+        self.set_budgets(budget, column)?;
         self.set_budgets(budget, columns)?;
         let stats = self.settle()?;
         let shown = self.engine.picture()?;
