@@ -8,37 +8,20 @@
 
 use std::hint::black_box;
 
+use benches::small_cloth;
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use engine::gpu::{Caches, Context, Renderer, materials::Btf as Known, page_cache::SLOT_BYTES};
 use engine::residency::Slot;
-use preprocess::npy::{BtfWriter, Dtype, Sampling};
-use preprocess::{Btf, Settings, build::build, factorize::factorize};
+use preprocess::{Settings, build::build, factorize::factorize};
 use scenes::Scene;
-use scenes::synth::{SynthOptions, synthesize};
 use tileset::{Archive, Page, PageId};
 
 const SIDE: u32 = 128;
 
 /// An archive of [`SIDE`]² texels, 81 × 4 directions and 32 components.
 fn archive(folder: &std::path::Path) -> Vec<u8> {
-    let (source, coded) = (folder.join("cloth.npy"), folder.join("cloth.bsvtf"));
-    let mut options = SynthOptions {
-        size: SIDE,
-        samples_per_texel: 1,
-        ..SynthOptions::default()
-    };
-    options.lights.truncate(4);
-    let sampling = Sampling {
-        views: options.views.clone(),
-        lights: options.lights.clone(),
-        wrap: true,
-        cosine: true,
-    };
-    let mut writer = BtfWriter::create(&source, sampling, SIDE, SIDE, Dtype::F16).expect("accepted sizes");
-    let mut sink = |_, view: &[_]| writer.write_f16(view).map_err(std::io::Error::other);
-    synthesize("cloth", &options, &mut sink, &|_, _| ()).expect("the material exists");
-    writer.finish().expect("all views were written");
-    let btf = Btf::open(&source).expect("what was written is read");
+    let coded = folder.join("cloth.bsvtf");
+    let btf = small_cloth(folder, SIDE).expect("a cloth");
     let settings = Settings {
         components: 32,
         memory_bytes: 1 << 30,

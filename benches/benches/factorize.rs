@@ -7,33 +7,13 @@
 
 use std::hint::black_box;
 
+use benches::small_cloth;
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use preprocess::npy::{BtfWriter, Dtype, Sampling};
-use preprocess::{Btf, Settings, factorize::factorize};
-use scenes::synth::{SynthOptions, synthesize};
+use preprocess::{Settings, factorize::factorize};
 
 fn benchmark(criterion: &mut Criterion) {
-    let folder = std::env::temp_dir().join(format!("eigentile-bench-factorize-{}", std::process::id()));
-    std::fs::create_dir_all(&folder).expect("the folder for temporary files is writable");
-    let path = folder.join("cloth.npy");
-    let mut options = SynthOptions {
-        size: 64,
-        samples_per_texel: 1,
-        ..SynthOptions::default()
-    };
-    options.lights.truncate(4);
-    let sampling = Sampling {
-        views: options.views.clone(),
-        lights: options.lights.clone(),
-        wrap: true,
-        cosine: true,
-    };
-    let mut writer = BtfWriter::create(&path, sampling, 64, 64, Dtype::F16).expect("the sizes are accepted");
-    let mut sink = |_, view: &[_]| writer.write_f16(view).map_err(std::io::Error::other);
-    synthesize("cloth", &options, &mut sink, &|_, _| ()).expect("the material exists");
-    writer.finish().expect("all views were written");
-
-    let btf = Btf::open(&path).expect("what was written is read");
+    let folder = tempfile::tempdir().expect("the folder for temporary files is writable");
+    let btf = small_cloth(folder.path(), 64).expect("a cloth");
     let mut group = criterion.benchmark_group("factorize");
     group
         .sample_size(10)
@@ -49,8 +29,6 @@ fn benchmark(criterion: &mut Criterion) {
         });
     }
     group.finish();
-    drop(btf);
-    std::fs::remove_dir_all(&folder).expect("the temporary folder is ours");
 }
 
 criterion_group!(benches, benchmark);

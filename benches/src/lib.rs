@@ -10,10 +10,11 @@
 //! - [`stability`]: BTFs that are hard on floating point numbers, against bounds.
 //! - [`stream`]: what is seen after how many bytes and seconds, under networks.
 //! - [`KeptFactors`]: factors on disk, so that a codec can be measured again without factorizing again.
-//! - [`eigen_textures`]: an input made by formula, for benchmarks of single stages.
+//! - [`eigen_textures`], [`small_cloth`]: inputs that are made in a moment, for benchmarks of single stages.
 //!
 //! The programs to measure beside are in `peers/`; they read what is kept here. Results are reported, not judged.
 
+mod cloth;
 pub mod codec;
 pub mod engine;
 mod error;
@@ -28,6 +29,7 @@ pub mod stability;
 pub mod stream;
 mod textures;
 
+pub use cloth::small_cloth;
 pub use error::{Error, Result};
 pub use kept::KeptFactors;
 pub use textures::eigen_textures;

@@ -102,7 +102,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let spinner = progress::spinner("memory and quality", arguments.viewed.json);
     let subject = match &arguments.scene {
         Some(scene) => subject(arguments, scene)?,
-        None => built_in(arguments.materials, 1)?,
+        None => built_in(arguments.materials, 1, 0)?,
     };
     let references = arguments
         .reference

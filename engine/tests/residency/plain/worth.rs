@@ -50,7 +50,7 @@ impl Plain {
     }
 
     /// The block of a page, with the blocks below it.
-    pub(super) fn block(&self, material: u16, group: u16, tile: Tile, class: usize) -> Block {
+    fn block(&self, material: u16, group: u16, tile: Tile, class: usize) -> Block {
         let pyramid = self.materials[usize::from(material)].pyramid;
         let children = pyramid.children(tile);
         let mut block = Block {
@@ -185,7 +185,7 @@ impl Plain {
 }
 
 #[derive(Clone)]
-pub(super) struct Block {
+struct Block {
     sum: f64,
     tiles: Vec<Tile>,
     below: Vec<Block>,
