@@ -211,12 +211,13 @@ impl Collection {
         let (old, asked) = (self.listing(), Instant::now());
         let listed = reads.ask(|| self.store.list()).await?;
         let files = beside::look(&*self.store, reads, &listed, &old.files).await;
-        let entries = stream::iter(listed).filter_map(async |listed| {
+        let archives = listed.into_iter().filter_map(|listed| {
             let name = archive_name(&listed.file)?.to_owned();
             Some((name, listed))
         });
+        let archives: Vec<_> = archives.collect();
         let known = &old.archives;
-        let entries = entries.map(|(name, listed)| async move {
+        let entries = stream::iter(archives).map(|(name, listed)| async move {
             let entry = self.entry(reads, &name, &listed, known.get(&name)).await;
             (name, entry)
         });
