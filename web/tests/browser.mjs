@@ -59,7 +59,7 @@ const difference = (page, a, b) => page.evaluate(async (both) => {
   };
   const [a, b] = await Promise.all(both.map(pixels));
   if (`${a.size}` !== `${b.size}`) throw new Error(`pictures of ${a.size} and ${b.size} pixels`);
-  const differences = a.data.map((value, at) => Math.abs(value - b.data[at])).filter((_, at) => at % 4 < 3).sort();
+  const differences = a.data.map((value, at) => Math.abs(value - b.data[at])).filter((_, at) => at % 4 < 3).sort((a, b) => a - b);
   const sum = differences.reduce((sum, value) => sum + value, 0);
   return { mean: sum / differences.length, most: differences[Math.floor(differences.length * 0.99)] };
 }, [a, b]);
