@@ -119,6 +119,8 @@ fn every_entry_point_validates() {
             "decode_store",
             "feedback",
             "overlay",
+            "present_fragment",
+            "present_vertex",
             "shade_btf",
             "shade_diffuse",
             "shade_mixed",

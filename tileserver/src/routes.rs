@@ -257,8 +257,10 @@ fn stored(
     let mut response = fields.response(status);
     let out = response.headers_mut();
     out.insert(header::ACCEPT_RANGES, HeaderValue::from_static("bytes"));
-    if let Some((name, value)) = field {
-        out.extend(HeaderValue::try_from(value).map(|value| (name, value)));
+    if let Some((name, value)) = field
+        && let Ok(value) = HeaderValue::try_from(value)
+    {
+        out.insert(name, value);
     }
     *response.body_mut() = Body::File(Box::new(body));
     Ok(response)

@@ -9,6 +9,9 @@ const MOST: usize = 10;
 /// Fingers nearer to each other than this do not pinch, pixels.
 const LEAST_SPAN: f32 = 8.0;
 
+/// Fingers are not further out than this, pixels, so that distances between them are finite.
+const FURTHEST: f32 = 1e6;
+
 /// Fingers that are down.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Fingers {
@@ -30,6 +33,7 @@ pub(crate) enum Gesture {
 
 impl Fingers {
     pub(crate) fn change(&mut self, id: u64, phase: Phase, at: Vec2) -> Gesture {
+        let at = at.clamp(Vec2::splat(-FURTHEST), Vec2::splat(FURTHEST));
         let known = self.down.iter().position(|(finger, _)| *finger == id);
         match (phase, known) {
             (Phase::Start, None) if self.down.len() < MOST => self.down.push((id, at)),

@@ -251,7 +251,7 @@ impl Open {
         self.egui
             .handle_platform_output(&self.window, output.platform_output);
         let pixels_per_point = output.pixels_per_point;
-        let painted = Painted {
+        let mut painted = Painted {
             primitives: context.tessellate(output.shapes, pixels_per_point),
             textures: output.textures_delta,
             pixels_per_point,
@@ -271,7 +271,7 @@ impl Open {
         self.write_video();
         let on_screen = self
             .surface
-            .show(&mut self.viewer, self.area, self.panel.split, &painted)?;
+            .show(&mut self.viewer, self.area, self.panel.split, &mut painted)?;
         if on_screen {
             self.teller.follow(self.viewer.report(), self.surface.size());
         }

@@ -71,14 +71,15 @@ impl Surface {
         viewer: &mut Viewer,
         area: Area,
         split: f32,
-        painted: &Painted,
+        painted: &mut Painted,
     ) -> Result<bool> {
         let (device, queue) = (self.context.device(), self.context.queue());
-        for (id, deltas) in &painted.textures.set {
-            for delta in deltas {
-                self.egui.update_texture(device, queue, *id, delta);
+        for (id, deltas) in painted.textures.set.drain() {
+            for delta in &deltas {
+                self.egui.update_texture(device, queue, id, delta);
             }
         }
+        let free = std::mem::take(&mut painted.textures.free);
         let shown = match self.surface.get_current_texture() {
             Current::Success(texture) | Current::Suboptimal(texture) => {
                 let view = texture.texture.create_view(&Default::default());
@@ -119,7 +120,7 @@ impl Surface {
             Current::Timeout | Current::Occluded => false,
             Current::Validation => bail!("the window cannot be drawn into any more"),
         };
-        for id in &painted.textures.free {
+        for id in &free {
             self.egui.free_texture(id);
         }
         Ok(shown)

@@ -10,6 +10,9 @@ use crate::{Error, Result};
 /// Close to the best that zstd can; records are small and coded once.
 const LEVEL: i32 = 19;
 
+/// What a frame begins with (RFC 8878, section 3.1.1); zstd takes frames to be skipped as well.
+const MAGIC: [u8; 4] = 0xFD2F_B528_u32.to_le_bytes();
+
 thread_local! {
     static COMPRESSOR: RefCell<Option<Compressor<'static>>> = const { RefCell::new(None) };
     static DECOMPRESSOR: RefCell<Option<Decompressor<'static>>> = const { RefCell::new(None) };
@@ -36,6 +39,9 @@ pub(crate) fn compress(raw: &[u8]) -> Result<Vec<u8>> {
 /// The content of `frame`, which must be one whole zstd frame of at most `limit` bytes; the message says why
 /// it is not.
 pub(crate) fn decompress(frame: &[u8], limit: usize) -> std::result::Result<Vec<u8>, String> {
+    if !frame.starts_with(&MAGIC) {
+        return Err("zstd: the bytes do not begin as a frame does".to_owned());
+    }
     // zstd would go on with further frames and skip unknown ones.
     match find_frame_compressed_size(frame) {
         Ok(length) if length == frame.len() => {}
