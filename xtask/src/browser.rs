@@ -53,7 +53,8 @@ pub(crate) fn setup() -> Result<()> {
 
 /// Runs them on the program of the tests before, and on `web/dist`.
 pub(crate) fn test() -> Result<()> {
-    cargo(&["build", "--package", "cli", "--bin", "eigentile"]).run()?;
+    // Of the whole workspace, as in the tests before: other features would build half of it again.
+    cargo(&["build", "--workspace", "--bin", "eigentile"]).run()?;
     let program = target_folder().join("debug/eigentile");
     let tests = tests();
     Program::new("node")
