@@ -22,7 +22,7 @@ use super::{
 use crate::{
     Error, Result,
     gpu::{Context, GpuMilliseconds, PageFormat, Renderer, materials::Btf},
-    residency::{Limits, Residency},
+    residency::{Limits, Residency, Vote},
     stream::{SourceStats, TileSource},
 };
 
@@ -63,6 +63,8 @@ pub struct Engine {
     pub(super) chosen: Chosen,
     /// The last frame had settled.
     pub(super) was_settled: bool,
+    /// Working memory: votes of views that are not shown yet.
+    pub(super) votes_ahead: Vec<Vote>,
 }
 
 impl Engine {
@@ -134,6 +136,7 @@ impl Engine {
             placed: Placed::default(),
             chosen: Chosen::default(),
             was_settled: false,
+            votes_ahead: Vec::new(),
             source,
             options,
         };

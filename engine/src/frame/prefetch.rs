@@ -4,10 +4,7 @@
 use scenes::Camera;
 
 use super::Engine;
-use crate::{
-    Error, Result,
-    residency::{Plan, Vote},
-};
+use crate::{Error, Result, residency::Plan};
 
 /// A moving camera is looked ahead of in one of so many frames, since that takes rasterizing the scene in small.
 const FRAMES_BETWEEN: u64 = 4;
@@ -64,7 +61,9 @@ impl Engine {
 
     /// Votes of the view that is shown, and of those ahead, to residency.
     pub(super) fn update_residency(&mut self) -> Plan {
-        let ahead: Vec<Vote> = self.ahead.votes().map(|vote| self.window.vote(vote)).collect();
-        self.residency.update(self.window.votes(), &ahead)
+        self.votes_ahead.clear();
+        let ahead = self.ahead.votes().map(|vote| self.window.vote(vote));
+        self.votes_ahead.extend(ahead);
+        self.residency.update(self.window.votes(), &self.votes_ahead)
     }
 }
