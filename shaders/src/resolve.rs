@@ -1,4 +1,5 @@
-//! The import resolver: `#import name` on a line of its own stands for the file `wgsl/name.wgsl`, once.
+//! The import resolver: `#import name` on a line of its own stands for the file `wgsl/name.wgsl`, once. Lines that enable
+//! extensions of WGSL come first, as it wants them.
 
 /// An import that cannot be resolved.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -52,6 +53,7 @@ embed!(
     "finite",
     "frame",
     "geometry",
+    "half",
     "half_slots",
     "hemisphere",
     "light",
@@ -61,6 +63,7 @@ embed!(
     "present",
     "resident",
     "shade",
+    "single",
     "stitch",
     "surface",
     "tonemap",
@@ -73,6 +76,7 @@ embed!(
 /// where none is chosen.
 pub const CHOICES: &[(&str, &[&str])] = &[
     ("angular", &["delaunay", "hemisphere"]),
+    ("arithmetic", &["single", "half"]),
     ("slots", &["half_slots", "byte_slots"]),
     ("textures", &["eigen", "resident"]),
 ];
@@ -107,16 +111,18 @@ pub fn resolve<'a>(name: &str, source: &dyn Fn(&str) -> Option<&'a str>) -> Resu
         source,
         done: Vec::new(),
         open: Vec::new(),
+        enabled: String::new(),
         text: String::new(),
     };
     resolver.include("caller", name)?;
-    Ok(resolver.text)
+    Ok(resolver.enabled + &resolver.text)
 }
 
 struct Resolver<'s, 'a> {
     source: &'s dyn Fn(&str) -> Option<&'a str>,
     done: Vec<String>,
     open: Vec<String>,
+    enabled: String,
     text: String,
 }
 
@@ -143,8 +149,12 @@ impl Resolver<'_, '_> {
             }
         }
         for line in source.lines().filter(|line| !line.starts_with("#import ")) {
-            self.text.push_str(line);
-            self.text.push('\n');
+            let text = match line.starts_with("enable ") {
+                true => &mut self.enabled,
+                false => &mut self.text,
+            };
+            text.push_str(line);
+            text.push('\n');
         }
         self.open.pop();
         self.done.push(name.into());
@@ -160,7 +170,7 @@ mod tests {
         Some(match name {
             "a" => "#import b\n#import c\nA",
             "b" => "#import c\nB",
-            "c" => "C",
+            "c" => "C\nenable x;",
             "circle" => "#import circle",
             "lost" => "#import nowhere",
             _ => return None,
@@ -169,7 +179,7 @@ mod tests {
 
     #[test]
     fn each_file_comes_once_and_before_its_importers() {
-        assert_eq!(resolve("a", &files).unwrap(), "C\nB\nA\n");
+        assert_eq!(resolve("a", &files).unwrap(), "enable x;\nC\nB\nA\n");
     }
 
     #[test]

@@ -97,13 +97,21 @@ fn differences<M: Mirror>(module: &Module) -> Option<String> {
     })
 }
 
+/// What a shader may need: nothing beyond core WebGPU, to which unpack2x16float belongs, but for sums of half floats.
+fn capabilities(file: &str) -> Capabilities {
+    let core = Capabilities::SHADER_FLOAT16_IN_FLOAT32;
+    match file {
+        "half" => core | Capabilities::SHADER_FLOAT16,
+        _ => core,
+    }
+}
+
 #[test]
 fn every_entry_point_validates() {
     let mut entry_points = Vec::new();
     for name in NAMES {
         let module = parse(name);
-        // Nothing beyond core WebGPU, to which unpack2x16float belongs.
-        Validator::new(ValidationFlags::all(), Capabilities::SHADER_FLOAT16_IN_FLOAT32)
+        Validator::new(ValidationFlags::all(), capabilities(name))
             .validate(&module)
             .unwrap_or_else(|error| panic!("{name}: {}", error.emit_to_string(&shader(name).unwrap())));
         entry_points.extend(module.entry_points.iter().map(|entry| entry.name.clone()));
@@ -142,7 +150,7 @@ fn every_choice_validates_and_is_another_shader() {
             .map(|file| variant(importer, &[(import, file)]).unwrap())
             .collect();
         for (source, file) in sources.iter().zip(*files) {
-            Validator::new(ValidationFlags::all(), Capabilities::SHADER_FLOAT16_IN_FLOAT32)
+            Validator::new(ValidationFlags::all(), capabilities(file))
                 .validate(&parse_source(file, source))
                 .unwrap_or_else(|error| panic!("{file}: {}", error.emit_to_string(source)));
         }

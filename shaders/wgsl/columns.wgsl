@@ -4,6 +4,7 @@
 // row of its slot. The light after the last is the pre-integrated ambient light. Texels are as large as they can be:
 // a load costs software adapters more than the bytes it reads.
 
+#import arithmetic
 #import frame
 
 @group(2) @binding(3) var columns: texture_2d_array<u32>;
@@ -14,13 +15,13 @@ fn column_texel(slot: u32, index: u32) -> vec4<u32> {
     return textureLoad(columns, position, slot >> 16u, 0);
 }
 
-fn halves(words: vec2<u32>) -> vec4<f32> {
-    return vec4(unpack2x16float(words.x), unpack2x16float(words.y));
+fn halves(words: vec2<u32>) -> vec4<Real> {
+    return vec4<Real>(vec4(unpack2x16float(words.x), unpack2x16float(words.y)));
 }
 
 // The three colour channels of a group at one view and light: twelve half floats from `index` on, counted in fours.
 // They are one and a half texels, and begin at one or in its middle.
-fn eigen_abrdf(slot: u32, index: u32) -> mat3x4<f32> {
+fn eigen_abrdf(slot: u32, index: u32) -> mat3x4<Real> {
     let first = column_texel(slot, index / 2u);
     let second = column_texel(slot, index / 2u + 1u);
     let whole = (index & 1u) == 0u;

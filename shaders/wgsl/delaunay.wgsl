@@ -40,20 +40,26 @@ fn light_taps(material: u32, light: Incident) -> LightTaps {
 }
 
 fn reflectance(slot: u32, view: ViewTaps, light: LightTaps, texture: vec4<f32>) -> vec3<f32> {
-    var sum = mat3x4<f32>();
+    var sum = mat3x4<Real>();
     for (var i = 0u; i < 3u; i++) {
-        let weights = view.weights[i] * light.weights;
+        let weights = vec3<Real>(view.weights[i] * light.weights);
         sum += weights.x * eigen_abrdf(slot, view.rows[i] + light.offsets.x);
         sum += weights.y * eigen_abrdf(slot, view.rows[i] + light.offsets.y);
         sum += weights.z * eigen_abrdf(slot, view.rows[i] + light.offsets.z);
     }
-    return texture * sum;
+    return weighted(texture, sum);
 }
 
 // The same for the ambient light, which has one direction.
 fn ambient_reflectance(slot: u32, view: ViewTaps, texture: vec4<f32>) -> vec3<f32> {
-    let sum = view.weights.x * eigen_abrdf(slot, view.rows.x + view.ambient)
-        + view.weights.y * eigen_abrdf(slot, view.rows.y + view.ambient)
-        + view.weights.z * eigen_abrdf(slot, view.rows.z + view.ambient);
-    return texture * sum;
+    let weights = vec3<Real>(view.weights);
+    let sum = weights.x * eigen_abrdf(slot, view.rows.x + view.ambient)
+        + weights.y * eigen_abrdf(slot, view.rows.y + view.ambient)
+        + weights.z * eigen_abrdf(slot, view.rows.z + view.ambient);
+    return weighted(texture, sum);
+}
+
+// The sum over the components of a group, which may leave the range of half floats.
+fn weighted(texture: vec4<f32>, sum: mat3x4<Real>) -> vec3<f32> {
+    return texture * mat3x4(vec4<f32>(sum[0]), vec4<f32>(sum[1]), vec4<f32>(sum[2]));
 }

@@ -2,7 +2,7 @@
 
 use clap::{Args, ValueEnum};
 use engine::angular::Angular;
-use engine::frame::{Decode, Options};
+use engine::frame::{Arithmetic, Decode, Options};
 use engine::gpu::PageFormat;
 
 /// Choices of the engine; without any of them its own.
@@ -15,6 +15,9 @@ pub(crate) struct Choices {
     /// Interpolation between light directions: delaunay (exact, nine fetches) or hemisphere (filtered maps, fewer).
     #[arg(long, value_name = "WAY", default_value = "delaunay")]
     angular: Way,
+    /// Sums over directions: in single precision, or of half floats; auto: of half floats on graphics cards that have them.
+    #[arg(long, value_name = "PRECISION", default_value = "auto")]
+    arithmetic: Precision,
     /// Where pages are decoded; auto: on the GPU, but on the CPU where that is a program or the page cache holds bytes.
     #[arg(long, value_name = "WHERE", default_value = "auto")]
     decode_on: Place,
@@ -31,6 +34,13 @@ enum Format {
 enum Way {
     Delaunay,
     Hemisphere,
+}
+
+#[derive(ValueEnum, Clone, Copy)]
+enum Precision {
+    Auto,
+    Single,
+    Half,
 }
 
 #[derive(ValueEnum, Clone, Copy)]
@@ -52,6 +62,11 @@ impl Choices {
             angular: match self.angular {
                 Way::Delaunay => Angular::Delaunay,
                 Way::Hemisphere => Angular::Hemisphere,
+            },
+            arithmetic: match self.arithmetic {
+                Precision::Auto => Arithmetic::Auto,
+                Precision::Single => Arithmetic::Single,
+                Precision::Half => Arithmetic::Half,
             },
             decode_on: match self.decode_on {
                 Place::Auto => Decode::Auto,

@@ -104,6 +104,7 @@ impl Engine {
         let on_gpu = options.decodes_on_gpu(&context, format);
         let mut renderer = Renderer::new(context, scene, options.size)?;
         renderer.set_shading(options.shading());
+        renderer.set_half_arithmetic(options.half_arithmetic(renderer.context())?)?;
         let (page_slots, column_slots) = renderer.layout(options.caches(), 0)?.slots();
         residency.set_limits(Limits {
             page_slots,

@@ -38,6 +38,9 @@ pub use engine::Engine;
 pub use events::Event;
 pub use maps::{CacheMap, CachedColumn, CachedPage, MipTiles, PageTree};
 pub use materials::{MaterialState, MaterialStatus};
-pub use options::{Budgets, Decode, MAX_FEEDBACK_STRIDE, MAX_PREFETCH_SECONDS, MIN_HOST_BYTES, Options};
+pub use options::{
+    Arithmetic, Budgets, Decode, HALF_ERROR, MAX_FEEDBACK_STRIDE, MAX_PREFETCH_SECONDS, MIN_HOST_BYTES,
+    Options,
+};
 pub use policy::Policy;
 pub use stats::{Clock, Counters, FrameStats, Milliseconds};

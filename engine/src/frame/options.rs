@@ -82,6 +82,34 @@ impl Decode {
     }
 }
 
+/// How precisely shading sums over directions.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Arithmetic {
+    /// Half floats on graphics cards that have them, if pixels may err by [`HALF_ERROR`] ([`Options::component_error`]); single precision
+    /// on others, and where the graphics card is a program, which would widen and round every number.
+    #[default]
+    Auto,
+    /// Single precision.
+    Single,
+    /// Half floats, of which sums over component groups are single all the same. With [`Angular::Hemisphere`] texture units
+    /// sum, and this changes nothing.
+    Half,
+}
+
+/// What sums of half floats may change a pixel by, relative: three roundings to 11 bits. See docs/results.md.
+pub const HALF_ERROR: f64 = 5e-4;
+
+impl Arithmetic {
+    /// Whether half floats are summed by an adapter that is a program or not, where pixels may err by so much.
+    fn is_half(self, has_half: bool, software: bool, component_error: f64) -> bool {
+        match self {
+            Arithmetic::Auto => has_half && !software && component_error >= HALF_ERROR,
+            Arithmetic::Single => false,
+            Arithmetic::Half => true,
+        }
+    }
+}
+
 /// Budgets and choices. Defaults work.
 #[derive(Clone, Debug)]
 pub struct Options {
@@ -102,6 +130,8 @@ pub struct Options {
     pub component_error: f64,
     /// How columns are interpolated between directions. [`super::Engine::set_angular`] changes it at run time.
     pub angular: Angular,
+    /// How precisely they are summed.
+    pub arithmetic: Arithmetic,
     /// Frames in which a new page comes in; 0: at once. A view has settled when all are in.
     pub fade_frames: u32,
     /// Where pages are decoded.
@@ -142,6 +172,7 @@ impl Default for Options {
             feedback_stride: 4,
             component_error: Shading::default().component_error,
             angular: Angular::default(),
+            arithmetic: Arithmetic::default(),
             fade_frames: Shading::default().fade_frames,
             decode_on: Decode::default(),
             page_format: None,
@@ -164,6 +195,22 @@ impl Options {
     /// Whether the GPU decodes pages of a cache of this format.
     pub(super) fn decodes_on_gpu(&self, context: &Context, format: PageFormat) -> bool {
         format == PageFormat::Half && self.decode_on.is_gpu(context)
+    }
+
+    /// Whether shading sums half floats.
+    ///
+    /// # Errors
+    /// [`Error::Adapter`] if it shall, and the adapter cannot.
+    pub(super) fn half_arithmetic(&self, context: &Context) -> Result<bool> {
+        let has_half = context.has_half_arithmetic();
+        if self.arithmetic == Arithmetic::Half && !has_half {
+            return Err(Error::Adapter(format!(
+                "{} has no arithmetic of half floats: choose single precision",
+                context.adapter()
+            )));
+        }
+        let software = context.is_software();
+        Ok(self.arithmetic.is_half(has_half, software, self.component_error))
     }
 
     /// Choices of shading.
@@ -209,5 +256,22 @@ impl Options {
             ));
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn half_floats_are_summed_where_they_are_fast_and_good_enough() {
+        let default = Options::default().component_error;
+        let is_half = |software, error| Arithmetic::Auto.is_half(true, software, error);
+        assert!(is_half(false, default));
+        assert!(!is_half(true, default), "a program would only lose time");
+        assert!(!is_half(false, 0.0), "the exact picture is wanted");
+        assert!(!Arithmetic::Auto.is_half(false, false, default));
+        assert!(Arithmetic::Half.is_half(true, true, 0.0));
+        assert!(!Arithmetic::Single.is_half(true, false, 1.0));
     }
 }

@@ -2,7 +2,7 @@
 
 use scenes::{Light, Scene};
 
-use super::{Engine, MAX_PREFETCH_SECONDS, Options};
+use super::{Arithmetic, Engine, MAX_PREFETCH_SECONDS, Options};
 use crate::{Result, gpu::Context};
 
 impl Engine {
@@ -56,6 +56,17 @@ impl Engine {
         })
     }
 
+    /// Changes how precisely shading sums: [`Options::arithmetic`].
+    ///
+    /// # Errors
+    /// [`crate::Error::Adapter`] if the adapter cannot; then all stays as it is.
+    pub fn set_arithmetic(&mut self, arithmetic: Arithmetic) -> Result<()> {
+        self.change(Options {
+            arithmetic,
+            ..self.options.clone()
+        })
+    }
+
     /// Changes in how many frames new pages come in: [`Options::fade_frames`].
     ///
     /// # Errors
@@ -75,6 +86,8 @@ impl Engine {
 
     fn change(&mut self, options: Options) -> Result<()> {
         options.check()?;
+        let half = options.half_arithmetic(self.context())?;
+        self.renderer.set_half_arithmetic(half)?;
         let btfs = self.btfs.iter().map(|btf| &**btf);
         self.renderer.change_shading(options.shading(), btfs);
         self.options = options;

@@ -47,7 +47,8 @@ impl Context {
         let (device, queue) = adapter
             .request_device(&wgpu::DeviceDescriptor {
                 label: Some("eigentile"),
-                required_features: adapter.features() & wgpu::Features::TIMESTAMP_QUERY,
+                required_features: adapter.features()
+                    & (wgpu::Features::TIMESTAMP_QUERY | wgpu::Features::SHADER_F16),
                 required_limits: limits(&adapter.limits()),
                 ..Default::default()
             })
@@ -132,6 +133,11 @@ impl Context {
     /// Whether the adapter is a program that runs on the processor.
     pub fn is_software(&self) -> bool {
         self.device.adapter_info().device_type == wgpu::DeviceType::Cpu
+    }
+
+    /// Whether shaders can reckon with half floats.
+    pub fn has_half_arithmetic(&self) -> bool {
+        self.device.features().contains(wgpu::Features::SHADER_F16)
     }
 
     /// Whether passes can be timed.

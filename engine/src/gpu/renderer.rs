@@ -16,14 +16,14 @@ use super::{
     readback,
     resident::Resident,
     resources::{Caches, Groups, Layout, Materials, Passes, Shading},
-    shade::{Shade, ShadingWork, Textures},
+    shade::{Shade, ShadingWork, Textures, Way},
     stitch::Stitch,
     targets::{Targets, WORK_HEADER_BYTES},
     timers::{Pass, Timers},
     uploads::Uploads,
     view,
 };
-use crate::{Result, residency::Slot};
+use crate::{Result, angular::Angular, residency::Slot};
 
 /// The GPU side of one scene.
 pub struct Renderer {
@@ -115,6 +115,29 @@ impl Renderer {
         self.materials.fade.frames = shading.fade_frames;
     }
 
+    /// Chooses whether shading sums half floats, which the adapter must have.
+    ///
+    /// # Errors
+    /// [`crate::Error::Adapter`] if the device fails.
+    pub fn set_half_arithmetic(&mut self, half: bool) -> Result<()> {
+        if half != self.passes.half {
+            self.passes.shade = self.shade(self.materials.layout().columns.angular, half)?;
+            self.passes.half = half;
+            self.bind();
+        }
+        self.context.check()
+    }
+
+    fn shade(&self, angular: Angular, half: bool) -> Result<Shade> {
+        let Passes { scene, caches, .. } = &self.passes;
+        let way = Way {
+            angular,
+            textures: Textures::Virtual,
+            half,
+        };
+        Shade::new(&self.context, scene, caches, way)
+    }
+
     /// Appends a BTF to the tables; its index counts up from 0. Nothing of it shows before [`Renderer::show_btfs`].
     ///
     /// # Errors
@@ -163,14 +186,7 @@ impl Renderer {
             // Slots are about to move.
             self.fill_slots();
             if layout.columns.angular != old.columns.angular {
-                let Passes { scene, caches, .. } = &self.passes;
-                self.passes.shade = Shade::new(
-                    &self.context,
-                    scene,
-                    caches,
-                    layout.columns.angular,
-                    Textures::Virtual,
-                )?;
+                self.passes.shade = self.shade(layout.columns.angular, self.passes.half)?;
             }
             if layout.page_format != old.page_format {
                 self.passes.stitch = Stitch::new(&self.context, layout.page_format)?;

@@ -16,7 +16,7 @@ use super::{
     page_table::Region,
     renderer::Renderer,
     resources::{Groups, Materials, UNKNOWN},
-    shade::{Shade, Textures},
+    shade::{Shade, Textures, Way},
 };
 use crate::{Error, Result, residency::Slot};
 
@@ -153,7 +153,12 @@ impl Renderer {
         context.queue.submit([encoder.finish()]);
         let table = bind::storage(context, "resident materials", table)?;
         let (scene, caches) = (&self.passes.scene, &self.passes.caches);
-        let shade = Shade::new(context, scene, caches, rows.angular, Textures::Resident)?;
+        let way = Way {
+            angular: rows.angular,
+            textures: Textures::Resident,
+            half: self.passes.half,
+        };
+        let shade = Shade::new(context, scene, caches, way)?;
         let groups = [
             Groups::scene(context, &self.passes, &self.frame_buffer, &self.geometry, &table),
             Groups::caches(

@@ -18,7 +18,7 @@ use super::{
     page_cache::{Grid, PageCache},
     page_format::PageFormat,
     page_table::{PageTable, Region},
-    shade::{Shade, Textures},
+    shade::{Shade, Textures, Way},
     slot_scales::SlotScales,
     stitch::{Stitch, StitchGroups},
     targets::Targets,
@@ -126,6 +126,8 @@ pub(super) struct Passes {
     pub(super) feedback: Feedback,
     pub(super) classify: Classify,
     pub(super) shade: Shade,
+    /// Shading sums half floats.
+    pub(super) half: bool,
     pub(super) tonemap: Tonemap,
     pub(super) stitch: Stitch,
 }
@@ -178,11 +180,17 @@ impl Passes {
             Binding::Floats,
         ];
         let caches = bind::layout(context, "caches", Stages::COMPUTE, &caches);
+        let way = Way {
+            angular: Angular::default(),
+            textures: Textures::Virtual,
+            half: false,
+        };
         Ok(Self {
             visibility: Visibility::new(context, &scene)?,
             feedback: Feedback::new(context, &scene, &caches)?,
             classify: Classify::new(context, &scene)?,
-            shade: Shade::new(context, &scene, &caches, Angular::default(), Textures::Virtual)?,
+            shade: Shade::new(context, &scene, &caches, way)?,
+            half: false,
             tonemap: Tonemap::new(context, &scene, &caches)?,
             stitch: Stitch::new(context, PageFormat::default())?,
             scene,

@@ -39,6 +39,15 @@ pub(super) enum Textures {
     Resident,
 }
 
+/// Ways of shading that are pipelines of their own.
+#[derive(Clone, Copy)]
+pub(super) struct Way {
+    pub(super) angular: Angular,
+    pub(super) textures: Textures,
+    /// Sums over directions are of half floats; of [`Angular::Delaunay`] only, since the other way lets texture units sum.
+    pub(super) half: bool,
+}
+
 /// The pass.
 pub(super) struct Shade {
     /// By kind of item, while nothing fades and while something does.
@@ -51,10 +60,9 @@ impl Shade {
         context: &Context,
         scene: &wgpu::BindGroupLayout,
         caches: &wgpu::BindGroupLayout,
-        angular: Angular,
-        textures: Textures,
+        way: Way,
     ) -> Result<Self> {
-        let (columns, file) = match angular {
+        let (columns, file) = match way.angular {
             Angular::Delaunay => (Binding::Words, "delaunay"),
             Angular::Hemisphere => (Binding::Layers, "hemisphere"),
         };
@@ -65,11 +73,17 @@ impl Shade {
             columns,
         ];
         let layout = bind::layout(context, "shade", wgpu::ShaderStages::COMPUTE, &bindings);
-        let (textures, constants): (_, &[&[(&str, f64)]]) = match textures {
+        let (textures, constants): (_, &[&[(&str, f64)]]) = match way.textures {
             Textures::Virtual => ("eigen", &[&[("fading", 0.0)], &[("fading", 1.0)]]),
             Textures::Resident => ("resident", &[&[], &[]]),
         };
-        let module = bind::variant(context, "shade", &[("angular", file), ("textures", textures)])?;
+        let half = way.half && way.angular == Angular::Delaunay;
+        let choices = [
+            ("angular", file),
+            ("textures", textures),
+            ("arithmetic", if half { "half" } else { "single" }),
+        ];
+        let module = bind::variant(context, "shade", &choices)?;
         let groups = [scene, caches, &layout];
         let pipelines = KINDS.map(|kind| {
             [0, 1].map(|fading| bind::variation(context, &module, kind, &groups, constants[fading]))

@@ -1,6 +1,9 @@
 //! Both ways of interpolating between directions, against the f64 reference and against each other.
 
-use engine::angular::Angular;
+use engine::{
+    angular::Angular,
+    frame::{Arithmetic, HALF_ERROR},
+};
 use glam::Vec3;
 use scenes::Light;
 use tileset::Direction;
@@ -44,6 +47,13 @@ fn shot(scene: &Scene, camera: &Camera, archive: &[u8], options: Options) -> (Pi
 fn smooth(component: u32, view: [f64; 3], light: [f64; 3], rgb: usize) -> f64 {
     let lean = 0.2 * f64::from(component) * view[0] * light[1];
     [0.8, 0.6, 0.4][rgb] * (1.0 + 0.3 * light[0]) + lean
+}
+
+type Abrdf = fn(u32, [f64; 3], [f64; 3], usize) -> f64;
+
+/// Nearly the largest half floats.
+fn glaring(component: u32, view: [f64; 3], light: [f64; 3], rgb: usize) -> f64 {
+    glossy(component, view, light, rgb).clamp(-1.0, 1.0) * 6.5e4
 }
 
 fn one(theta: f64) -> Vec<Direction> {
@@ -101,6 +111,38 @@ fn errors_against_the_reference_are_those_stated() {
         // Resampling shows, so it is really another way.
         assert!(errors[0] < 1e-3 && errors[1] < most, "{name}: {errors:?}");
         assert!(errors[1] > errors[0], "{name}: {errors:?}");
+    }
+}
+
+#[test]
+fn sums_of_half_floats_stay_in_their_error() {
+    if !Context::headless().unwrap().has_half_arithmetic() {
+        println!("this adapter has no arithmetic of half floats");
+        return;
+    }
+    let (scene, camera) = still_life();
+    for (name, abrdf) in [
+        ("glossy", glossy as Abrdf),
+        ("as bright as half floats can be", glaring),
+    ] {
+        let archive = small(Recipe {
+            abrdf,
+            ..Default::default()
+        })
+        .build();
+        let of = |arithmetic| {
+            let options = Options {
+                arithmetic,
+                ..options((160, 90))
+            };
+            shot(&scene, &camera, &archive, options)
+        };
+        let ((single, exact), (half, _)) = (of(Arithmetic::Single), of(Arithmetic::Half));
+        assert!(half.pixels.iter().flatten().all(|value| value.is_finite()));
+        let (rounding, error) = (relative_rmse(&half, &single), relative_rmse(&half, &exact));
+        println!("{name}: {rounding:.1e} by half floats, {error:.1e} in all");
+        assert!(rounding > 0.0 && rounding < HALF_ERROR, "{name}: {rounding}");
+        assert!(error < 1e-3, "{name}: {error}");
     }
 }
 
