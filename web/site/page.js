@@ -88,6 +88,7 @@ function route() {
     history.replaceState(null, "", `#${path ?? ""}?${event.detail}`);
   });
   viewer.addEventListener("settled", keep, { once: true });
+  viewer.addEventListener("command", ({ detail }) => { if (detail === "panel") find("panel").hidden = !find("panel").hidden; });
   find("stage").replaceChildren(viewer);
   title(entry.title);
   if (path) find("title").focus({ preventScroll: true });

@@ -132,7 +132,7 @@ pub(crate) fn help(context: &Context, open: &mut bool) {
         .anchor(Align2::CENTER_CENTER, Vec2::ZERO)
         .show(context, |ui| {
             Grid::new("keys").striped(true).show(ui, |ui| {
-                for (keys, what) in keys::HELP {
+                for (keys, what) in keys::HELP.iter().chain(keys::WINDOW_HELP) {
                     ui.strong(*keys);
                     ui.label(*what);
                     ui.end_row();
