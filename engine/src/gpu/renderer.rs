@@ -16,7 +16,7 @@ use super::{
     readback,
     resident::Resident,
     resources::{Caches, Groups, Layout, Materials, Passes, Shading},
-    shade::{MOST_ITEMS, Shade, ShadingWork, Textures, Variant},
+    shade::{Shade, ShadingWork, Textures, Variant},
     stitch::Stitch,
     targets::{Targets, WORK_HEADER_BYTES},
     timers::{Pass, Timers},
@@ -289,7 +289,7 @@ impl Renderer {
             Some(resident) => resident.shade(),
             None => (&self.passes.shade, [&groups.scene, caches, &groups.shade]),
         };
-        let variant = (self.variant(shade), self.mixes());
+        let variant = (self.variant(shade), self.materials.kinds);
         let timestamps = self.timers.as_mut().map(|timers| timers.compute(Pass::Shade));
         shade.encode(&mut encoder, &self.targets, bound, variant, timestamps);
         self.encode_screen(&mut encoder);
@@ -309,13 +309,8 @@ impl Renderer {
     /// A view has come to rest: compiles what draws frames in which nothing fades, unless that is there.
     pub fn rest(&mut self) {
         if !std::mem::replace(&mut self.rested, true) {
-            self.passes.shade.compile(Variant::Plain, self.mixes());
+            self.passes.shade.compile(Variant::Plain, self.materials.kinds);
         }
-    }
-
-    /// Whether a tile of the picture may show more materials than there are items for.
-    fn mixes(&self) -> bool {
-        self.scene_materials.len() > MOST_ITEMS
     }
 
     /// From radiance to what a screen shows.

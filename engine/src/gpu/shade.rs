@@ -3,6 +3,7 @@
 use std::sync::OnceLock;
 
 use serde::Serialize;
+use shaders::mirror;
 
 use crate::{
     Result,
@@ -18,9 +19,28 @@ use crate::{
 /// Entry points by kind of item, in the order of `work.wgsl`.
 const KINDS: [&str; 3] = ["shade_btf", "shade_diffuse", "shade_mixed"];
 const DIFFUSE: usize = 1;
-const MIXED: usize = 2;
 /// Materials of a tile that are items of their own; more are one mixed item. As in `work.wgsl`.
-pub(super) const MOST_ITEMS: usize = 2;
+const MOST_ITEMS: usize = 2;
+
+/// Of which kinds there may be items.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Kinds([bool; KINDS.len()]);
+
+impl Kinds {
+    /// Of pictures of these materials.
+    pub(super) fn of(materials: &[mirror::Material]) -> Self {
+        let is_btf = |material: &mirror::Material| material.groups > 0;
+        Self([
+            materials.iter().any(is_btf),
+            !materials.iter().all(is_btf),
+            materials.len() > MOST_ITEMS,
+        ])
+    }
+
+    fn each(self) -> impl Iterator<Item = usize> {
+        (0..KINDS.len()).filter(move |&kind| self.0[kind])
+    }
+}
 
 /// What shading a picture took: sums over its pixels of component groups, each of which would cost a fetch from each of
 /// two mips and [some](Angular::fetches) from its column for each light.
@@ -105,9 +125,9 @@ impl Shade {
         self.pipelines[0][variant as usize].get().is_some()
     }
 
-    /// Compiles what a variant draws with, as far as it is not there; `mixed` as in [`Shade::encode`].
-    pub(super) fn compile(&self, variant: Variant, mixed: bool) {
-        for kind in kinds(mixed) {
+    /// Compiles what a variant draws items of these kinds with, as far as it is not there.
+    pub(super) fn compile(&self, variant: Variant, kinds: Kinds) {
+        for kind in kinds.each() {
             self.pipeline(kind, variant);
         }
     }
@@ -143,28 +163,44 @@ impl Shade {
         bind::group(context, "shade", &self.groups[2], &resources)
     }
 
-    /// Shades the items of `targets` that the classification has left there. `mixed`: there may be some of more than
-    /// [`MOST_ITEMS`] materials.
+    /// Shades the items of these kinds that the classification has left in `targets`.
     pub(super) fn encode(
         &self,
         encoder: &mut wgpu::CommandEncoder,
         targets: &Targets,
         groups: [&wgpu::BindGroup; 3],
-        (variant, mixed): (Variant, bool),
+        (variant, kinds): (Variant, Kinds),
         timestamp_writes: Option<wgpu::ComputePassTimestampWrites<'_>>,
     ) {
         let mut pass = bind::pass(encoder, "shade", timestamp_writes);
         for (index, group) in (0..).zip(groups) {
             pass.set_bind_group(index, group, &[]);
         }
-        for kind in kinds(mixed) {
+        for kind in kinds.each() {
             pass.set_pipeline(self.pipeline(kind, variant));
             pass.dispatch_workgroups_indirect(&targets.workgroups, kind as u64 * 12);
         }
     }
 }
 
-/// Kinds of which there may be items.
-fn kinds(mixed: bool) -> std::ops::Range<usize> {
-    0..if mixed { KINDS.len() } else { MIXED }
+#[cfg(test)]
+mod tests {
+    use bytemuck::Zeroable;
+
+    use super::*;
+
+    #[test]
+    fn kinds_follow_from_what_materials_are() {
+        let btf = mirror::Material {
+            groups: 3,
+            ..Zeroable::zeroed()
+        };
+        let diffuse = mirror::Material::zeroed();
+        let kinds = |materials: &[_]| Kinds::of(materials).each().collect::<Vec<_>>();
+        assert_eq!(kinds(&[btf]), [0]);
+        assert_eq!(kinds(&[diffuse, diffuse]), [1]);
+        assert_eq!(kinds(&[btf, diffuse]), [0, 1]);
+        assert_eq!(kinds(&[btf, btf, btf]), [0, 2]);
+        assert_eq!(kinds(&[btf, diffuse, btf]), [0, 1, 2]);
+    }
 }
