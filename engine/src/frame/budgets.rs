@@ -8,7 +8,7 @@ use crate::{
     angular::Angular,
     decode::PAGE_BYTES,
     gpu::{Caches, column_cache::most_slot_bytes, materials::Btf},
-    residency::{Item, Limits, Slot},
+    residency::{Item, Limits, SLOTS_PER_PIN, Slot},
 };
 
 /// From slot to slot.
@@ -91,11 +91,13 @@ impl Engine {
     }
 
     /// The same without what could never be filled: slots for more than all pages and columns of the known materials. Numbers of slots
-    /// are powers of two, so that materials that become known one after another seldom move what is there.
+    /// are powers of two, so that materials that become known one after another seldom move what is there, and there are enough to
+    /// pin what is always kept.
     fn useful_caches(&self) -> Caches {
         let caches = self.caches();
         let slots = |of: fn(&Btf) -> u64| {
-            let sum = self.btfs.iter().map(|btf| of(btf)).fold(0, u64::saturating_add);
+            let each = self.btfs.iter().map(|btf| of(btf).max(SLOTS_PER_PIN.into()));
+            let sum = each.fold(0, u64::saturating_add);
             sum.checked_next_power_of_two().unwrap_or(u64::MAX)
         };
         let pages = slots(|btf| u64::from(btf.groups()) * u64::from(btf.pyramid().tile_count()));
