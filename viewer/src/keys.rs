@@ -145,11 +145,16 @@ pub const HELP: &[(&str, &str)] = &[
     ("N, Insert, Delete", "choose the next light, add one, remove it"),
     ("V, Space", "record a camera path, replay it"),
     ("T", "turntable"),
-    ("B", "beside the picture with everything resident"),
-    ("C, X", "picture to a PNG, radiance to an EXR"),
+    ("C", "picture to a PNG"),
     ("P", "panel"),
+    ("?, H", "these keys"),
+];
+
+/// The same of what only a window of the desktop does.
+pub const WINDOW_HELP: &[(&str, &str)] = &[
+    ("X", "radiance to an EXR"),
+    ("B", "beside the picture with everything resident"),
     ("F5", "ask the server again"),
-    ("?, H, F1", "these keys"),
     ("Ctrl+Q", "close the window"),
 ];
 

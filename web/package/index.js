@@ -1,6 +1,9 @@
 // <eigentile-viewer src="…">: a scene (.gltf, .glb) or an archive (.bsvtf), streamed and drawn with WebGPU. See README.md.
 
 import { Fetcher } from "./fetch.js";
+import { listen } from "./input.js";
+import { template } from "./markup.js";
+import { fetchBuffers, fetchScene } from "./scene.js";
 import { Store } from "./store.js";
 import { style } from "./style.js";
 
@@ -8,8 +11,6 @@ import { style } from "./style.js";
 const MOST_PIXELS = 4_000_000;
 /** How often figures are told, milliseconds. */
 const REPORT_MS = 250;
-/** Largest glTF file, and all of its buffers together. */
-const MOST_SCENE_BYTES = 512 << 20;
 const DEFAULT_CACHE_MIB = 384;
 
 let engine;
@@ -41,26 +42,6 @@ export async function missing() {
   }
   return undefined;
 }
-
-const template = document.createElement("template");
-template.innerHTML = `
-  <img class="poster" part="poster" alt="" hidden>
-  <canvas part="canvas" tabindex="0" role="application" aria-roledescription="3D view" aria-describedby="keys"></canvas>
-  <p id="keys" class="unseen">Arrows turn, plus and minus go nearer and further, L with arrows turns the light, question mark lists
-    all keys, Escape leaves.</p>
-  <p class="unseen" role="status" aria-live="polite"></p>
-  <div class="progress" part="progress" role="progressbar" aria-label="Quality" aria-valuemin="0" aria-valuemax="100"
-    aria-valuenow="0"><i></i></div>
-  <div class="toolbar" part="toolbar" role="toolbar" aria-label="View">
-    <button type="button" data-do="reset" title="Camera and light as in the beginning (R)">Reset</button>
-    <button type="button" data-do="light" aria-pressed="false" title="Dragging turns the light (hold L)">Light</button>
-    <button type="button" data-do="next-shape" title="Next shape (M)" hidden>Shape</button>
-    <button type="button" data-do="turntable" title="Once around (T)">Turn</button>
-    <button type="button" data-do="fullscreen" title="Full screen">Full</button>
-    <button type="button" data-do="help" title="Keys (?)" aria-haspopup="dialog">Keys</button>
-  </div>
-  <div class="notice" part="notice" role="alert" hidden><p></p><button type="button">Try again</button></div>
-  <dialog aria-label="Keys and gestures"><form method="dialog"><table><tbody></tbody></table><button>Close</button></form></dialog>`;
 
 export class EigentileViewer extends HTMLElement {
   static observedAttributes = ["src", "tiles", "poster", "label", "exposure", "shape", "cache-mib"];
@@ -198,25 +179,24 @@ export class EigentileViewer extends HTMLElement {
     if (!this.src) return;
     this.#say("Loading.");
     this.#notice();
+    this.#fetcher = new Fetcher();
     let session;
     try {
       const [why, module, scene] = await Promise.all([
         missing(),
         navigator.gpu ? preload() : undefined,
-        navigator.gpu ? this.#fetchScene() : undefined,
+        navigator.gpu ? fetchScene(this.src, this.getAttribute("tiles") ?? undefined, this.#fetcher) : undefined,
       ]);
       if (!current()) return;
-      if (why) { this.#unsupported(why); return; }
-      const { url, name, archive, bytes } = scene;
+      if (why) { this.#fetcher.close(); this.#unsupported(why); return; }
+      const { url, name, archive, bytes, tiles } = scene;
       this.#module = module;
-      const buffers = archive ? [] : await this.#fetchBuffers(module.externals(name, bytes), url, bytes.length);
+      const buffers = archive ? [] : await fetchBuffers(module.externals(name, bytes), url, bytes.length);
       if (!current()) return;
-      this.#fetcher = new Fetcher();
       const cache = (Number(this.getAttribute("cache-mib")) || DEFAULT_CACHE_MIB) * 2 ** 20;
-      const tiles = new URL(this.getAttribute("tiles") ?? ".", url).href;
       const format = navigator.gpu.getPreferredCanvasFormat();
       this.#fit();
-      const setting = new module.Setting(this.#canvas, this.#fetcher, store(), tiles.replace(/\/$/, ""), cache, format);
+      const setting = new module.Setting(this.#canvas, this.#fetcher, store(), tiles, cache, format);
       session = archive
         ? await module.Session.archive(setting, archive)
         : await module.Session.scene(setting, name, bytes, buffers);
@@ -247,22 +227,6 @@ export class EigentileViewer extends HTMLElement {
     this.#was = { shown: false, settled: false, connection: 0 };
     this.#problem = undefined;
     this.toggleAttribute("shown", false);
-  }
-
-  /** What `src` names: an archive by its name, or the bytes of a scene. */
-  async #fetchScene() {
-    const url = new URL(this.src, document.baseURI);
-    const file = decodeURIComponent(url.pathname.slice(url.pathname.lastIndexOf("/") + 1));
-    const archive = /^(.+)\.bsvtf$/i.exec(file)?.[1];
-    if (archive) return { url, archive };
-    return { url, name: file, bytes: await fetchBytes(url, MOST_SCENE_BYTES) };
-  }
-
-  async #fetchBuffers(uris, url, already) {
-    const buffers = await Promise.all(uris.map((uri) => fetchBytes(new URL(uri, url), MOST_SCENE_BYTES)));
-    const bytes = buffers.reduce((sum, buffer) => sum + buffer.length, already);
-    if (bytes > MOST_SCENE_BYTES) throw new Error(`the scene has ${bytes} bytes; ${MOST_SCENE_BYTES} are read`);
-    return buffers;
   }
 
   // Frames.
@@ -371,52 +335,11 @@ export class EigentileViewer extends HTMLElement {
   // Input.
 
   #listen() {
-    const canvas = this.#canvas;
-    const at = (event) => {
-      const box = canvas.getBoundingClientRect();
-      return [(event.clientX - box.left) * canvas.width / box.width, (event.clientY - box.top) * canvas.height / box.height];
-    };
-    const act = (work) => { if (this.#session) this.#guard(work); };
-    // With the light chosen one finger turns it, as the mouse does.
-    const asTouch = (event) => event.pointerType === "touch" && !this.#lightMode;
-    canvas.addEventListener("pointerdown", (event) => act(() => {
-      canvas.focus({ preventScroll: true });
-      try { canvas.setPointerCapture(event.pointerId); } catch { /* it is gone already */ }
-      const [x, y] = at(event);
-      if (asTouch(event)) this.#session.touch(event.pointerId, 0, x, y);
-      else this.#session.down(event.button, x, y, event.shiftKey, event.ctrlKey || event.metaKey || this.#lightMode);
-    }));
-    canvas.addEventListener("pointermove", (event) => act(() => {
-      const [x, y] = at(event);
-      if (asTouch(event)) this.#session.touch(event.pointerId, 1, x, y);
-      else this.#session.moved(x, y);
-    }));
-    for (const end of ["pointerup", "pointercancel"]) {
-      canvas.addEventListener(end, (event) => act(() => {
-        if (asTouch(event)) this.#session.touch(event.pointerId, 2, ...at(event));
-        else if (event.buttons === 0) this.#session.up();
-      }));
-    }
-    canvas.addEventListener("contextmenu", (event) => event.preventDefault());
-    canvas.addEventListener("wheel", (event) => {
-      // A page with a picture in it still scrolls, until the picture is chosen.
-      if (this.#root.activeElement !== canvas && !event.ctrlKey) return;
-      event.preventDefault();
-      const unit = event.deltaMode === WheelEvent.DOM_DELTA_LINE ? 16 : 1;
-      act(() => this.#session.wheel(-event.deltaY * unit));
-    }, { passive: false });
-    const key = (event, down) => {
-      // Keys of the browser, and of screen readers.
-      if (event.altKey || event.ctrlKey || event.metaKey || event.code === "Tab" || /^F\d/.test(event.code)) return;
-      act(() => {
-        const command = this.#session.key(event.code, down, event.repeat, event.shiftKey);
-        if (command) this.#command(command);
-        event.preventDefault();
-      });
-    };
-    canvas.addEventListener("keydown", (event) => key(event, true));
-    canvas.addEventListener("keyup", (event) => key(event, false));
-    canvas.addEventListener("blur", () => act(() => this.#session.blur()));
+    listen(this.#canvas, {
+      act: (work) => { if (this.#session) this.#guard(() => work(this.#session)); },
+      command: (name) => this.#command(name),
+      turnsLight: () => this.#lightMode,
+    });
     this.#find(".toolbar").addEventListener("click", (event) => {
       const name = event.target.closest("button")?.dataset.do;
       if (name) this.#command(name);
@@ -496,19 +419,6 @@ export class EigentileViewer extends HTMLElement {
   }
 
   #emit(name, detail) { this.dispatchEvent(new CustomEvent(name, { detail })); }
-}
-
-/** All of a file. */
-async function fetchBytes(url, most) {
-  let response;
-  try {
-    response = await fetch(url);
-  } catch (error) {
-    throw new Error(`${url} cannot be reached (${error.message})`);
-  }
-  if (!response.ok) throw new Error(`${url}: ${response.status} ${response.statusText}`);
-  if (Number(response.headers.get("content-length")) > most) throw new Error(`${url} has more than ${most} bytes`);
-  return new Uint8Array(await response.arrayBuffer());
 }
 
 /** A list of two things in turns, as pairs. */

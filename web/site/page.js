@@ -14,15 +14,15 @@ let shown;
 /** Why there is no WebGPU, if there is none. */
 let unsupported;
 
-navigator.serviceWorker?.register("sw.js").catch(() => {}); // without one nothing is kept
-
 addEventListener("hashchange", route);
 find("search").addEventListener("input", list);
 start();
 
 async function start() {
   // Beside the catalogue, so that nothing waits for it.
-  if (navigator.gpu) preload().catch(() => {});
+  const engine = navigator.gpu ? preload().catch(() => {}) : Promise.resolve();
+  // Not before: it would take requests over, and what early.js has asked for would come twice. Without a worker nothing is kept.
+  engine.then(() => navigator.serviceWorker?.register("sw.js")).catch(() => {});
   if (!query.get("src")) {
     try {
       collection = await fetchCollection();
@@ -88,6 +88,7 @@ function route() {
     history.replaceState(null, "", `#${path ?? ""}?${event.detail}`);
   });
   viewer.addEventListener("settled", keep, { once: true });
+  viewer.addEventListener("command", ({ detail }) => { if (detail === "panel") find("panel").hidden = !find("panel").hidden; });
   find("stage").replaceChildren(viewer);
   title(entry.title);
   if (path) find("title").focus({ preventScroll: true });

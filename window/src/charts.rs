@@ -33,7 +33,8 @@ pub(crate) fn chart(ui: &mut Ui, title: &str, lines: &[Line<'_>], format: impl F
             let name = if line.name.is_empty() {
                 String::new()
             } else {
-                format!("{} ", line.name)
+                // Not to be parted from its number.
+                format!("{}\u{a0}", line.name)
             };
             ui.colored_label(line.color, format!("{name}{}", format(last)));
         }

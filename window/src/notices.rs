@@ -18,7 +18,7 @@ pub(crate) fn banner(context: &Context, picture: Rect, report: &Report, actions:
             Color32::from_rgb(120, 80, 0),
         ),
         Connection::Lost(why) => (
-            format!("{} cannot be reached: {why}", report.origin),
+            format!("Not all can be had of {}: {why}", report.origin),
             Color32::from_rgb(140, 40, 20),
         ),
     };
@@ -132,7 +132,7 @@ pub(crate) fn help(context: &Context, open: &mut bool) {
         .anchor(Align2::CENTER_CENTER, Vec2::ZERO)
         .show(context, |ui| {
             Grid::new("keys").striped(true).show(ui, |ui| {
-                for (keys, what) in keys::HELP {
+                for (keys, what) in keys::HELP.iter().chain(keys::WINDOW_HELP) {
                     ui.strong(*keys);
                     ui.label(*what);
                     ui.end_row();
@@ -143,7 +143,8 @@ pub(crate) fn help(context: &Context, open: &mut bool) {
 
 fn over(context: &Context, id: &str, at: egui::Pos2, align: Align2, contents: impl FnOnce(&mut Ui)) {
     Area::new(Id::unique(id))
-        .order(Order::Middle)
+        // Above the line between two pictures.
+        .order(Order::Foreground)
         .pivot(align)
         .fixed_pos(at)
         .show(context, contents);

@@ -43,7 +43,7 @@ pub(crate) fn build() -> Result<()> {
         .args(["--target", TARGET])
         .args(["--target-dir".as_ref(), target.as_os_str()])
         // Where the sources lie is nobody's business, and would be part of the module.
-        .env("RUSTFLAGS", remap(&workspace)?)
+        .env("CARGO_ENCODED_RUSTFLAGS", remap(&workspace, &target)?)
         .run()?;
     let module = target.join(TARGET).join("web/eigentile_web.wasm");
     let web = workspace.join("web");
@@ -67,14 +67,24 @@ pub(crate) fn target_folder() -> PathBuf {
     std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| workspace().join("target"), PathBuf::from)
 }
 
-/// Flags that make paths the same on every machine.
-fn remap(workspace: &Path) -> Result<String> {
+/// Flags that make paths the same on every machine. Of two that fit the last one counts.
+fn remap(workspace: &Path, target: &Path) -> Result<OsString> {
     let home = std::env::var_os("CARGO_HOME")
         .map(PathBuf::from)
         .or_else(|| std::env::home_dir().map(|home| home.join(".cargo")))
         .context("no home folder: set CARGO_HOME")?;
-    let from = |path: &Path, to: &str| format!("--remap-path-prefix={}={to}", path.display());
-    Ok(format!("{} {}", from(workspace, ""), from(&home, "cargo")))
+    let mut flags = OsString::new();
+    for (path, name) in [(workspace, ""), (home.as_path(), "cargo"), (target, "target/web")] {
+        // As cargo parts them; spaces may be in paths.
+        if !flags.is_empty() {
+            flags.push("\u{1f}");
+        }
+        flags.push("--remap-path-prefix=");
+        flags.push(path);
+        flags.push("=");
+        flags.push(name);
+    }
+    Ok(flags)
 }
 
 /// Whether the workspace's compiler has the target, after asking rustup for it.

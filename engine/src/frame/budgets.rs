@@ -7,8 +7,8 @@ use crate::{
     Result,
     angular::Angular,
     decode::PAGE_BYTES,
-    gpu::{Caches, materials::Btf},
-    residency::{Item, Limits, Slot},
+    gpu::{Caches, column_cache::most_slot_bytes, materials::Btf},
+    residency::{Item, Limits, SLOTS_PER_PIN, Slot},
 };
 
 /// From slot to slot.
@@ -90,9 +90,30 @@ impl Engine {
         }
     }
 
+    /// The same without what could never be filled: slots for more than all pages and columns of the known materials. Numbers of slots
+    /// are powers of two, so that materials that become known one after another seldom move what is there, and there are enough to
+    /// pin what is always kept.
+    fn useful_caches(&self) -> Caches {
+        let caches = self.caches();
+        let slots = |of: fn(&Btf) -> u64| {
+            let each = self.btfs.iter().map(|btf| of(btf).max(SLOTS_PER_PIN.into()));
+            let sum = each.fold(0, u64::saturating_add);
+            sum.checked_next_power_of_two().unwrap_or(u64::MAX)
+        };
+        let pages = slots(|btf| u64::from(btf.groups()) * u64::from(btf.pyramid().tile_count()));
+        let columns = slots(|btf| btf.groups().into());
+        let page_bytes = caches.page_format.slot_bytes();
+        let column_bytes = most_slot_bytes(self.column_quads());
+        Caches {
+            page_bytes: caches.page_bytes.min(pages.saturating_mul(page_bytes)),
+            column_bytes: caches.column_bytes.min(columns.saturating_mul(column_bytes)),
+            ..caches
+        }
+    }
+
     /// Makes the caches what budgets and known materials ask for.
     pub(super) fn resize_caches(&mut self) -> Result<()> {
-        let layout = self.renderer.layout(self.caches(), self.column_quads())?;
+        let layout = self.renderer.layout(self.useful_caches(), self.column_quads())?;
         let (page_slots, column_slots) = layout.slots();
         self.count_format_slots();
         let (pages, columns) = self.set_slots(page_slots, column_slots);

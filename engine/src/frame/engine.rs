@@ -247,6 +247,10 @@ impl Engine {
             drawn,
             ms,
         };
+        if settled && (self.was_settled || !show) {
+            // Nobody waits for this frame.
+            self.renderer.rest();
+        }
         self.frames += 1;
         self.was_settled = settled;
         for problem in self.problems.untold() {

@@ -16,7 +16,7 @@ use super::{
     readback,
     resident::Resident,
     resources::{Caches, Groups, Layout, Materials, Passes, Shading},
-    shade::{Shade, ShadingWork, Textures, Way},
+    shade::{Shade, ShadingWork, Textures, Variant, Way},
     stitch::Stitch,
     targets::{Targets, WORK_HEADER_BYTES},
     timers::{Pass, Timers},
@@ -51,6 +51,8 @@ pub struct Renderer {
     pub(super) classified: bool,
     /// Weights of slots are below one, as they were written last.
     pub(super) fading: bool,
+    /// A view has come to rest before.
+    pub(super) rested: bool,
     /// The page cache that is shown while another one fills.
     pub(super) kept: Option<Kept>,
     /// What measurements compare with.
@@ -103,6 +105,7 @@ impl Renderer {
             known_borders: Known::default(),
             classified: false,
             fading: false,
+            rested: false,
             kept: None,
             resident: None,
             overlay: None,
@@ -298,15 +301,32 @@ impl Renderer {
             self.passes.classify.encode(&mut encoder, size, bound, timestamps);
             self.classified = true;
         }
-        let timestamps = self.timers.as_mut().map(|timers| timers.compute(Pass::Shade));
         let (shade, bound) = match resident {
             Some(resident) => resident.shade(),
             None => (&self.passes.shade, [&groups.scene, caches, &groups.shade]),
         };
-        let fading = self.fading && self.kept.is_none();
-        shade.encode(&mut encoder, &self.targets, bound, fading, timestamps);
+        let variant = (self.variant(shade), self.materials.kinds);
+        let timestamps = self.timers.as_mut().map(|timers| timers.compute(Pass::Shade));
+        shade.encode(&mut encoder, &self.targets, bound, variant, timestamps);
         self.encode_screen(&mut encoder);
         self.submit_timed(encoder);
+    }
+
+    /// New pages come in by weight, so a first picture needs what draws them. That draws frames before and after, too, until a
+    /// view has come to rest and there is time to compile what draws nothing else, and faster.
+    fn variant(&self, shade: &Shade) -> Variant {
+        let early = self.materials.fade.frames > 1 && !self.rested && !shade.has(Variant::Plain);
+        match self.kept {
+            None if self.fading || early => Variant::Fading,
+            _ => Variant::Plain,
+        }
+    }
+
+    /// A view has come to rest: compiles what draws frames in which nothing fades, unless that is there.
+    pub fn rest(&mut self) {
+        if !std::mem::replace(&mut self.rested, true) {
+            self.passes.shade.compile(Variant::Plain, self.materials.kinds);
+        }
     }
 
     /// From radiance to what a screen shows.

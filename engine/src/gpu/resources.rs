@@ -18,7 +18,7 @@ use super::{
     page_cache::{Grid, PageCache},
     page_format::PageFormat,
     page_table::{PageTable, Region},
-    shade::{Shade, Textures, Way},
+    shade::{Kinds, Shade, Textures, Way},
     slot_scales::SlotScales,
     stitch::{Stitch, StitchGroups},
     targets::Targets,
@@ -135,6 +135,8 @@ pub(super) struct Passes {
 /// What depends on the BTFs that are known.
 pub(super) struct Materials {
     pub(super) table: wgpu::Buffer,
+    /// What there is to shade, by that table.
+    pub(super) kinds: Kinds,
     pub(super) tables: Tables,
     pub(super) directions: Growing,
     pub(super) page_table: PageTable,
@@ -209,6 +211,7 @@ impl Materials {
         let fade = Fade::new(shading.fade_frames, nothing.slots().0);
         Ok(Self {
             table: bind::storage(context, "materials", &unknown)?,
+            kinds: Kinds::of(&unknown),
             tables,
             directions: Growing::new(context, "directions"),
             page_table: PageTable::default(),
@@ -250,12 +253,13 @@ impl Materials {
 
     /// Lets the materials of the scene show the BTFs that `btf_of` names for them.
     pub(super) fn show(
-        &self,
+        &mut self,
         context: &Context,
         scene_materials: &[scenes::Material],
         btf_of: &[Option<usize>],
     ) {
         let materials = self.tables.materials(scene_materials, btf_of, UNKNOWN);
+        self.kinds = Kinds::of(&materials);
         context
             .queue
             .write_buffer(&self.table, 0, bytemuck::cast_slice(&materials));

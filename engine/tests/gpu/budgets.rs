@@ -115,7 +115,9 @@ fn the_least_host_memory_is_enough_and_is_kept_to() {
             "{frames:?}"
         );
         settle(&mut rich, &camera);
-        assert!(poor.picture().unwrap() == rich.picture().unwrap());
+        // What comes in another order lies in other slots, where coordinates are rounded otherwise.
+        let error = relative_rmse(&poor.picture().unwrap(), &rich.picture().unwrap());
+        assert!(error < 1e-5, "{error}");
     }
 }
 

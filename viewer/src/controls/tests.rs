@@ -157,9 +157,8 @@ fn drag(controls: &mut Controls, button: Button, modifiers: Modifiers, by: Vec2)
     response
 }
 
-#[test]
-fn dragging_around_a_point_keeps_the_distance_and_takes_the_scene_along() {
-    let mut controls = controls();
+/// The cameras before and after a drag to the right and down.
+fn turned(mut controls: Controls) -> [Camera; 2] {
     let before = controls.camera();
     drag(
         &mut controls,
@@ -167,7 +166,12 @@ fn dragging_around_a_point_keeps_the_distance_and_takes_the_scene_along() {
         Modifiers::default(),
         Vec2::new(80.0, 40.0),
     );
-    let after = controls.camera();
+    [before, controls.camera()]
+}
+
+#[test]
+fn dragging_around_a_point_keeps_the_distance_and_takes_the_scene_along() {
+    let [before, after] = turned(controls());
     assert_eq!(after.target, before.target);
     let distance = |camera: &Camera| (camera.eye - camera.target).length();
     assert!((distance(&after) - distance(&before)).abs() < 1e-4);
@@ -179,14 +183,7 @@ fn dragging_around_a_point_keeps_the_distance_and_takes_the_scene_along() {
 fn looking_around_keeps_the_place() {
     let mut controls = controls();
     controls.set_mode(Mode::Fly);
-    let before = controls.camera();
-    drag(
-        &mut controls,
-        Button::Primary,
-        Modifiers::default(),
-        Vec2::new(80.0, 40.0),
-    );
-    let after = controls.camera();
+    let [before, after] = turned(controls);
     assert!((after.eye - before.eye).length() < 1e-5);
     assert!(after.basis().forward.dot(before.basis().right) < -0.01);
 }
