@@ -1,11 +1,7 @@
 //! Measuring frames, and recording votes, on a small scene: the figures are complete and agree with each other.
 
-use std::time::Duration;
-
 use benches::engine::{Plan, built_in, measure, table};
 use benches::policy::{self, Trace, record};
-use engine::frame::{Engine, Options};
-use engine::gpu::Context;
 
 #[test]
 fn frames_are_measured_and_a_static_view_does_nothing() {
