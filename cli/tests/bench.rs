@@ -249,3 +249,64 @@ fn memory_quality_gets_better_with_memory_up_to_full_residency() {
     );
     assert!(at.join("shots/0.png").is_file());
 }
+
+#[test]
+fn kept_results_become_tables_and_plots_of_a_document() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let policy = [
+        "bench", "policy", "--frames", "6", "--pages", "25,100", "--stops", "1", "--json",
+    ];
+    fs::create_dir(at.join("kept")).unwrap();
+    fs::write(at.join("kept/policy.json"), succeed(at, &policy)).unwrap();
+    let before = "# Kept\n\n![Error](images/policy.svg)\n\n<!-- table: policy -->\n<!-- end -->\n\nby hand\n";
+    fs::write(at.join("a.md"), before).unwrap();
+    let tables = ["bench", "tables", "a.md", "--results", "kept"];
+    let check = [&tables[..], &["--check"]].concat();
+    assert!(fail(at, &check).contains("a.md is not what the results"));
+    succeed(at, &tables);
+    let document = fs::read_to_string(at.join("a.md")).unwrap();
+    assert!(
+        document.contains("\n| 100 | ") && document.ends_with("<!-- end -->\n\nby hand\n"),
+        "{document}"
+    );
+    assert!(
+        document.contains("`eigentile bench policy --frames 6"),
+        "the command is told: {document}"
+    );
+    assert!(
+        fs::read_to_string(at.join("images/policy.svg"))
+            .unwrap()
+            .ends_with("</svg>\n")
+    );
+    succeed(at, &check);
+
+    fs::write(at.join("a.md"), "<!-- table: serve-races -->\n<!-- end -->\n").unwrap();
+    assert!(fail(at, &tables).contains("serve-races"));
+    fs::write(at.join("kept/serve.json"), "{}").unwrap();
+    assert!(fail(at, &tables).contains("serve.json"));
+}
+
+#[test]
+fn everything_goes_into_one_folder() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    succeed(
+        at,
+        &["bench", "all", "--quick", "--only", "stability", "-o", "all"],
+    );
+    for name in [
+        "index.html",
+        "results.md",
+        "stability.json",
+        "stability.html",
+        "stability.csv",
+        "stability.md",
+        "inputs/quick/scene.gltf",
+    ] {
+        assert!(at.join("all").join(name).is_file(), "{name}");
+    }
+    let page = fs::read_to_string(at.join("all/stability.html")).unwrap();
+    assert!(page.contains("bench stability --json --report") && page.contains("half"));
+    assert!(fail(at, &["bench", "all", "--only", "weather"]).contains("time-error"));
+}

@@ -65,6 +65,9 @@ fn markdown(text: &str) -> String {
                 rows.push(row);
             }
             html += &table(&rows);
+        } else if let Some(heading) = line.strip_prefix("### ") {
+            lines.next();
+            html += &format!("<h3>{}</h3>\n", escape(heading));
         } else if line.starts_with("```") {
             lines.next();
             html += "<pre>";
@@ -76,7 +79,9 @@ fn markdown(text: &str) -> String {
             html += "</pre>\n";
         } else {
             let mut paragraph = Vec::new();
-            let inside = |line: &&str| !line.is_empty() && !line.starts_with('|') && !line.starts_with("```");
+            let inside = |line: &&str| {
+                !line.is_empty() && !["|", "```", "### "].iter().any(|mark| line.starts_with(mark))
+            };
             while let Some(row) = lines.next_if(inside) {
                 paragraph.push(escape(row));
             }
@@ -157,11 +162,11 @@ mod tests {
     #[test]
     fn text_becomes_html() {
         let html = markdown(
-            "before\n\n| a | b |\n|---|---:|\n| 1 < 2 | **x** |\n|  | y |\nafter\n```\n| a < b\n```\n",
+            "### h\nbefore\n\n| a | b |\n|---|---:|\n| 1 < 2 | **x** |\n|  | y |\nafter\n```\n| a < b\n```\n",
         );
         assert_eq!(
             html,
-            "<p>before</p>\n<div class=\"scroll\"><table><tr><th>a</th><th>b</th></tr><tr><td>1 &lt; 2</td><td><b>x</b></td></tr>\
+            "<h3>h</h3>\n<p>before</p>\n<div class=\"scroll\"><table><tr><th>a</th><th>b</th></tr><tr><td>1 &lt; 2</td><td><b>x</b></td></tr>\
              <tr><td></td><td>y</td></tr></table></div>\n<p>after</p>\n<pre>| a &lt; b\n</pre>\n"
         );
     }

@@ -81,6 +81,19 @@ impl Report {
         self
     }
 
+    /// Its text and tables, and at the end by what and on what it was measured.
+    pub fn markdown(&self, origin: &Origin) -> String {
+        let mut text = String::new();
+        for part in &self.parts {
+            match part {
+                Part::Heading(heading) => text += &format!("### {heading}\n\n"),
+                Part::Markdown(part) => text += &format!("{}\n\n", part.trim_end()),
+                Part::Plots(_) | Part::Figures(_) => {}
+            }
+        }
+        text + &format!("{origin}\n")
+    }
+
     /// The page: plots as SVG, pictures inside, no scripts; at its end by what and on what it was measured.
     pub fn html(&self, origin: &Origin) -> String {
         html::page(self, origin)

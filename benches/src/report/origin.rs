@@ -43,6 +43,20 @@ impl Origin {
     }
 }
 
+/// In Markdown.
+impl fmt::Display for Origin {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "`{}`; {}", self.command, self.machine)?;
+        if let Some(device) = &self.device {
+            write!(f, ", {device}")?;
+        }
+        match &self.commit {
+            Some(commit) => write!(f, "; commit {commit}."),
+            None => write!(f, "."),
+        }
+    }
+}
+
 impl Machine {
     fn here() -> Self {
         let told = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default(); // elsewhere nothing is told
@@ -101,6 +115,17 @@ fn commit() -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn origins_read_well() {
+        let origin = Origin {
+            command: "eigentile bench x".into(),
+            device: Some("d".into()),
+            commit: Some("c".into()),
+            ..Origin::default()
+        };
+        assert_eq!(origin.to_string(), "`eigentile bench x`; 0 cores, d; commit c.");
+    }
 
     #[test]
     fn commands_can_be_given_again() {

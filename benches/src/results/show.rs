@@ -119,7 +119,7 @@ impl Kept {
         if let Ok(origin) = from::<Origin>(json)
             && let Some((_, table)) = tables.last_mut()
         {
-            *table = format!("{}\n\n{}\n", table.trim_end(), made_by(&origin));
+            *table = format!("{}\n\n{origin}\n", table.trim_end());
         }
         Ok(Self {
             kind: kind.to_owned(),
@@ -131,18 +131,6 @@ impl Kept {
 
 fn from<T: DeserializeOwned>(json: &[u8]) -> std::result::Result<T, String> {
     serde_json::from_slice(json).map_err(|error| error.to_string())
-}
-
-fn made_by(origin: &Origin) -> String {
-    let on = origin
-        .device
-        .as_ref()
-        .map_or(String::new(), |device| format!(", {device}"));
-    let commit = origin
-        .commit
-        .as_ref()
-        .map_or(String::new(), |commit| format!("; commit {commit}"));
-    format!("`{}`; {}{on}{commit}.", origin.command, origin.machine)
 }
 
 #[cfg(test)]
@@ -158,16 +146,5 @@ mod tests {
         let path = folder.path().join("serve.json");
         std::fs::write(&path, "[").unwrap();
         assert!(Kept::read(&path).unwrap_err().to_string().contains("serve.json"));
-    }
-
-    #[test]
-    fn origins_are_told_where_they_are_known() {
-        let origin = Origin {
-            command: "eigentile bench x".into(),
-            device: Some("d".into()),
-            commit: Some("c".into()),
-            ..Origin::default()
-        };
-        assert_eq!(made_by(&origin), "`eigentile bench x`; 0 cores, d; commit c.");
     }
 }

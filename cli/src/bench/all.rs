@@ -6,7 +6,6 @@ use std::process::{Command, Stdio};
 use std::time::Instant;
 
 use ::benches::report::{Origin, Report};
-use ::benches::results::{KINDS, Kept};
 use anyhow::{Context, Result, ensure};
 use clap::Args;
 use scenes::Surface;
@@ -38,7 +37,7 @@ Examples:
   eigentile bench all --only policy,serve -o results
 
 Each is a process of this program, whose command stands in its report and its JSON. What fails is told, and the others are measured all
-the same. index.html shows all tables and plots, results.md the tables. Inputs are made in DIR/inputs, and used again.";
+the same. index.html shows all tables and plots, results.md the text and tables. Inputs are made in DIR/inputs, and used again.";
 
 /// A measurement and its arguments: quick and full. `{}` stands for the folder of inputs.
 struct Step {
@@ -171,7 +170,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
             .arg("--report")
             .arg(at("html"))
             .arg("--csv")
-            .arg(at("csv"));
+            .arg(at("csv"))
+            .arg("--markdown")
+            .arg(at("md"));
         if step.plot {
             command.arg("--plot").arg(at("svg"));
         }
@@ -225,29 +226,18 @@ fn overview(folder: &Path, failed: &[String]) -> Result<()> {
         page = page.text(text);
     }
     for step in &STEPS {
-        let report = folder.join(format!("{}.html", step.name));
-        let json = folder.join(format!("{}.json", step.name));
-        if !json.is_file() {
+        // What was not measured, now or before, is not there.
+        let Ok(text) = fs::read_to_string(folder.join(format!("{}.md", step.name))) else {
             continue;
-        }
+        };
+        document += &format!("\n## {}\n\n{text}", step.name);
         page = page.heading(step.name);
-        document += &format!("\n## {}\n", step.name);
-        if KINDS.contains(&step.name) && step.name != "codec" {
-            let kept = Kept::read(&json)?;
-            for (name, table) in &kept.tables {
-                document += &format!(
-                    "\n<!-- table: {name} -->\n\n{}\n\n<!-- end -->\n",
-                    table.trim_end()
-                );
-                page = page.text(table);
-            }
-            page = page.plots(kept.plots.into_iter().map(|(_, svg)| svg).collect());
+        let svg = format!("{}.svg", step.name);
+        if let Ok(plot) = fs::read_to_string(folder.join(&svg)) {
+            document += &format!("\n![{}]({svg})\n", step.name);
+            page = page.plots(vec![plot]);
         }
-        if report.is_file() {
-            let text = format!("All of it: {}.html, {0}.csv, {0}.json.", step.name);
-            document += &format!("\n{text}\n");
-            page = page.text(text);
-        }
+        page = page.text(text);
     }
     file::write(&folder.join("results.md"), document.as_bytes())?;
     file::write(

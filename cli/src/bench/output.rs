@@ -16,6 +16,9 @@ pub(super) struct Output {
     /// Writes a page with tables, plots and pictures, complete in itself.
     #[arg(long, visible_alias = "html", value_name = "FILE.html")]
     report: Option<PathBuf>,
+    /// Writes text and tables as Markdown.
+    #[arg(long, value_name = "FILE.md")]
+    markdown: Option<PathBuf>,
     /// Writes a line for each row of what was measured, with all its digits.
     #[arg(long, value_name = "FILE.csv")]
     csv: Option<PathBuf>,
@@ -50,6 +53,9 @@ impl Output {
         let origin = Origin::here(shown.device);
         if let Some(path) = &self.report {
             file::write(path, shown.report.html(&origin).as_bytes())?;
+        }
+        if let Some(path) = &self.markdown {
+            file::write(path, shown.report.markdown(&origin).as_bytes())?;
         }
         if let Some(path) = &self.csv {
             file::write(path, csv(shown.rows)?.as_bytes())?;
