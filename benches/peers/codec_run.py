@@ -6,7 +6,7 @@ For each material and size, in a folder of DIR: synthesize the BTF and factorize
 and 10 GB at 512 x 512, is deleted when the factors are kept), code archives (ours.json), code V with the peers
 (peers.json), then decode both alternately, one thread each (speed.json). What has a file is not done again, so the
 command can be stopped and called again at any time; `--again` does steps again, from the kept factors. After each
-material benches/results/codec.json is merged, and plots and tables are drawn anew (report.py).
+material benches/results/codec.json is merged, and plots are drawn anew (report.py); tables: `cargo xtask report`.
 """
 
 import argparse

@@ -6,8 +6,8 @@ A case is material:directions:texels. The BTFs (2.6 GB for 81 x 81 directions an
 synthesized in DIR and deleted afterwards. Both programs map the file and read it in blocks of rows; the page cache
 holds it where memory allows, so a first round, which is not counted, warms it for both (--cold leaves that out).
 numpy needs about 0.7 GB of its own for the first case and 1 GB for the second (blocks of 512 rows, Q, Z, Y, the f64 SVD of
-Y); mapped pages come on top of that in its peak RSS. Results go to benches/results/factorize.json, and into the plots
-and tables (report.py). A case that has a result is done again.
+Y); mapped pages come on top of that in its peak RSS. Results go to benches/results/factorize.json, and from there into
+docs/results.md (`cargo xtask report`). A case that has a result is done again.
 """
 
 import argparse
@@ -73,8 +73,6 @@ def main():
         results = read_json(arguments.results, {"cases": []})
         kept = [other for other in results["cases"] if other["case"] != case]
         write_json(arguments.results, {"cases": [*kept, result]})
-    if arguments.results == RESULTS / "factorize.json":
-        output_of(python("report.py"))
 
 
 if __name__ == "__main__":

@@ -1,9 +1,8 @@
-"""Draws benches/results/*.json: plots to docs/images, tables into docs/results.md.
+"""Draws the peers' plots of benches/results/codec.json to docs/images; tables and all other plots are written by `cargo xtask report`.
 
     python report.py
 
-docs/results.md has a place for each table, between the lines `<!-- NAME: … -->` and `<!-- end of NAME -->`; the rest of
-it is left alone. Plain SVG without any library, so that a difference between two runs can be read as text.
+Plain SVG without any library, so that a difference between two runs can be read as text.
 """
 
 import math
@@ -126,76 +125,11 @@ def codec_plots(materials):
     write_text(REPOSITORY / "docs/images/codec-speed.svg", plot.svg())
 
 
-def codec_table(materials):
-    lines = [
-        "| material | relative RMSE | bits: pages and tables | with columns | JPEG 2000 | JPEG XL | bytes to JPEG 2000 "
-        "| with columns | to JPEG XL | archive s | decode MB/s | to OpenJPEG | finest mip only |",
-        "|---|---|---|---|---|---|---|---|---|---|---|---|---|",
-    ]
-    for material in materials:
-        for point in material["points"]:
-            j2k, jxl, decode = point["peers"].get("jpeg2000"), point["peers"].get("jpegxl"), point["decode"]
-            cells = [
-                material["name"],
-                f"{point['relative_error']:.4f}",
-                f"{point['bits_per_sample']:.3f}",
-                f"{point['archive_bits_per_sample']:.3f}",
-                f"{j2k['bits_per_sample']:.3f}" if j2k else "–",
-                f"{jxl['bits_per_sample']:.3f} ({jxl['mode']})" if jxl else "–",
-                f"**{j2k['bytes_ratio']:.2f}**" if j2k else "–",
-                f"{j2k['archive_bytes_ratio']:.2f}" if j2k else "–",
-                f"{jxl['bytes_ratio']:.2f}" if jxl else "–",
-                f"{point['archive_seconds']:.1f}",
-                f"{decode['mb_per_s']:.0f}",
-                f"**{decode['ratio_to_jpeg2000']:.1f}**" if j2k else "–",
-                f"{decode['finest_ratio_to_jpeg2000']:.1f}" if j2k else "–",
-            ]
-            lines.append("| " + " | ".join(cells) + " |")
-    pictures = "![Bytes relative to JPEG 2000](images/codec-bytes.svg)\n\n![Decoding speed](images/codec-speed.svg)"
-    return f"{pictures}\n\n" + "\n".join(lines) + "\n\n" + measured_on(materials[-1])
-
-
-def measured_on(result):
-    where = result["machine"]
-    return f"Measured on {where['cores']} cores of {where['processor']}, commit {where['commit']}."
-
-
-def factorize_table(cases):
-    mib = 2**20
-    lines = [
-        "| BTF | matrix | Eigentile | numpy | ratio | error | numpy's | GFLOP/s | numpy's | peak memory, no file behind it "
-        "| numpy's | peak RSS with mapped pages | numpy's |",
-        "|---|---|---|---|---|---|---|---|---|---|---|---|---|",
-    ]
-    for case in cases:
-        pair = lambda key: (case[key]["eigentile"], case[key]["numpy"])
-        seconds, errors, speeds = pair("seconds"), pair("relative_error"), pair("gflops")
-        cells = [case["case"], f"{case['rows']} × {case['columns']}"]
-        cells += [f"{value:.1f} s" for value in seconds] + [f"**{case['seconds_ratio']:.2f}**"]
-        cells += [f"{100 * value:.3f} %" for value in errors] + [f"{value:.0f}" for value in speeds]
-        for key in ("peak_anonymous_bytes", "peak_rss_bytes"):
-            cells += [f"{(value or 0) / mib:.0f} MiB" for value in pair(key)]
-        lines.append("| " + " | ".join(cells) + " |")
-    return "\n".join(lines) + "\n\n" + measured_on(cases[-1])
-
-
-def fill(name, text):
-    path = REPOSITORY / "docs/results.md"
-    page = path.read_text()
-    begin, end = page.find(f"<!-- {name}:"), page.find(f"<!-- end of {name} -->")
-    if begin < 0 or end < begin:
-        raise SystemExit(f"error: {path} has no lines <!-- {name}: … --> and <!-- end of {name} -->")
-    begin = page.index("-->", begin) + len("-->")
-    write_text(path, f"{page[:begin]}\n\n{text}\n\n{page[end:]}")
-
-
 def main():
-    codec, factorize = read_json(RESULTS / "codec.json"), read_json(RESULTS / "factorize.json")
+    codec = read_json(RESULTS / "codec.json")
     if codec and codec["materials"]:
         codec_plots(codec["materials"])
-        fill("codec table", codec_table(codec["materials"]))
-    if factorize and factorize["cases"]:
-        fill("factorization table", factorize_table(factorize["cases"]))
+    print("now `cargo xtask report` writes the tables of docs/results.md")
 
 
 if __name__ == "__main__":

@@ -16,13 +16,32 @@ const LIGHTS: usize = 4;
 /// # Errors
 /// [`Error::Program`] for a size that cannot be made, [`Error::Preprocess`] where the file cannot be written or read.
 pub fn small_cloth(folder: &Path, size: u32) -> Result<Btf> {
-    let path = folder.join("cloth.npy");
-    let mut options = SynthOptions {
-        size,
-        samples_per_texel: 1,
+    let mut options = SynthOptions::default();
+    options.lights.truncate(LIGHTS);
+    cloth(folder, size, options)
+}
+
+/// The same under 31 × 31 directions all over the hemisphere, for pictures.
+///
+/// # Errors
+/// Those of [`small_cloth`].
+pub fn sparse_cloth(folder: &Path, size: u32) -> Result<Btf> {
+    let directions = scenes::synth::Sampling::Sparse31.directions();
+    let options = SynthOptions {
+        views: directions.clone(),
+        lights: directions,
         ..SynthOptions::default()
     };
-    options.lights.truncate(LIGHTS);
+    cloth(folder, size, options)
+}
+
+fn cloth(folder: &Path, size: u32, options: SynthOptions) -> Result<Btf> {
+    let path = folder.join("cloth.npy");
+    let options = SynthOptions {
+        size,
+        samples_per_texel: 1,
+        ..options
+    };
     let sampling = Sampling {
         views: options.views.clone(),
         lights: options.lights.clone(),

@@ -38,6 +38,14 @@ pub enum Error {
         /// What was found, and what was expected.
         detail: String,
     },
+    /// Kept results that cannot be shown.
+    #[error("{path}: {detail}; measure again", path = .path.display())]
+    Results {
+        /// The file.
+        path: PathBuf,
+        /// What was found, and what was expected.
+        detail: String,
+    },
     /// No accepted quantizer step meets an error.
     #[error(
         "no quantizer step meets the relative error {target}: step {quality:e} gives {error:.6}; \

@@ -9,11 +9,14 @@
 //! - [`serve`]: requests per second, latency and memory of the tile server, beside nginx.
 //! - [`stability`]: BTFs that are hard on floating point numbers, against bounds.
 //! - [`stream`]: what is seen after how many bytes and seconds, under networks.
+//! - [`time_error`]: run time over error, of every setting that trades one for the other.
+//! - [`report`]: how all of it is shown. [`results`]: what is kept of it in the tables of documents.
 //! - [`KeptFactors`]: factors on disk, so that a codec can be measured again without factorizing again.
-//! - [`eigen_textures`], [`small_cloth`]: inputs that are made in a moment, for benchmarks of single stages.
+//! - [`eigen_textures`], [`small_cloth`], [`sparse_cloth`]: inputs that are made in a moment, for benchmarks of single stages.
 //!
 //! The programs to measure beside are in `peers/`; they read what is kept here. Results are reported, not judged.
 
+mod capped;
 mod cloth;
 pub mod codec;
 pub mod engine;
@@ -24,12 +27,15 @@ pub mod memory_quality;
 mod npy;
 pub mod policy;
 pub mod range;
+pub mod report;
+pub mod results;
 pub mod serve;
 pub mod stability;
 pub mod stream;
 mod textures;
+pub mod time_error;
 
-pub use cloth::small_cloth;
+pub use cloth::{small_cloth, sparse_cloth};
 pub use error::{Error, Result};
 pub use kept::KeptFactors;
 pub use textures::eigen_textures;

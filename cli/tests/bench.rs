@@ -135,8 +135,8 @@ fn stability_bounds_hold() {
         "{table}"
     );
     let rows = succeed_json(folder.path(), &["bench", "stability", "--json"]);
-    assert_eq!(rows.as_array().map(Vec::len), Some(verdicts.len()));
-    assert!(number(&rows, "/1/measured/total_stated") > 0.0);
+    assert_eq!(rows["cases"].as_array().map(Vec::len), Some(verdicts.len()));
+    assert!(number(&rows, "/cases/1/measured/total_stated") > 0.0);
 }
 
 #[test]
@@ -194,7 +194,7 @@ fn failures_say_what_to_do() {
 fn memory_quality_gets_better_with_memory_up_to_full_residency() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
-    let command = "bench memory-quality --materials 2 --size 96x54 --steps 3 --ranks 0.5,1 --html a.html --csv a.csv --json";
+    let command = "bench memory-quality --materials 2 --size 96x54 --steps 3 --ranks 0.5,1 --report a.html --csv a.csv --plot a.svg --pictures shots --json";
     let found = succeed_json(at, &command.split(' ').collect::<Vec<_>>());
     let points = found["points"].as_array().unwrap();
     assert_eq!(points.len(), 2 * 2 * 3);
@@ -223,8 +223,90 @@ fn memory_quality_gets_better_with_memory_up_to_full_residency() {
 
     let csv = fs::read_to_string(at.join("a.csv")).unwrap();
     let columns: Vec<_> = csv.lines().map(|line| line.split(',').count()).collect();
-    assert_eq!(columns, [8 + 16; 13]);
+    assert!(
+        columns.len() == 13 && columns.iter().all(|count| *count == columns[0]),
+        "{csv}"
+    );
+    assert!(csv.lines().next().unwrap().contains("full.flip"));
     let page = fs::read_to_string(at.join("a.html")).unwrap();
     assert!(page.contains("<svg") && page.contains("data:image/png;base64,") && !page.contains("<script"));
     assert!(page.ends_with("</html>\n") && !csv.contains("NaN"));
+    assert!(
+        page.contains("eigentile bench memory-quality --materials 2"),
+        "the command is in the report"
+    );
+    assert!(
+        found["command"]
+            .as_str()
+            .unwrap()
+            .starts_with("eigentile bench memory-quality")
+    );
+    assert!(found["device"].is_string());
+    assert!(
+        fs::read_to_string(at.join("a.svg"))
+            .unwrap()
+            .ends_with("</svg>\n")
+    );
+    assert!(at.join("shots/0.png").is_file());
+}
+
+#[test]
+fn kept_results_become_tables_and_plots_of_a_document() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let policy = [
+        "bench", "policy", "--frames", "6", "--pages", "25,100", "--stops", "1", "--json",
+    ];
+    fs::create_dir(at.join("kept")).unwrap();
+    fs::write(at.join("kept/policy.json"), succeed(at, &policy)).unwrap();
+    let before = "# Kept\n\n![Error](images/policy.svg)\n\n<!-- table: policy -->\n<!-- end -->\n\nby hand\n";
+    fs::write(at.join("a.md"), before).unwrap();
+    let tables = ["bench", "tables", "a.md", "--results", "kept"];
+    let check = [&tables[..], &["--check"]].concat();
+    assert!(fail(at, &check).contains("a.md is not what the results"));
+    succeed(at, &tables);
+    let document = fs::read_to_string(at.join("a.md")).unwrap();
+    assert!(
+        document.contains("\n| 100 | ") && document.ends_with("<!-- end -->\n\nby hand\n"),
+        "{document}"
+    );
+    assert!(
+        document.contains("`eigentile bench policy --frames 6"),
+        "the command is told: {document}"
+    );
+    assert!(
+        fs::read_to_string(at.join("images/policy.svg"))
+            .unwrap()
+            .ends_with("</svg>\n")
+    );
+    succeed(at, &check);
+
+    fs::write(at.join("a.md"), "<!-- table: serve-races -->\n<!-- end -->\n").unwrap();
+    assert!(fail(at, &tables).contains("serve-races"));
+    fs::write(at.join("kept/serve.json"), "{}").unwrap();
+    assert!(fail(at, &tables).contains("serve.json"));
+}
+
+#[test]
+fn everything_goes_into_one_folder() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    succeed(
+        at,
+        &["bench", "all", "--quick", "--only", "stability", "-o", "all"],
+    );
+    for name in [
+        "index.html",
+        "results.md",
+        "stability.json",
+        "stability.html",
+        "stability.csv",
+        "stability.md",
+        "inputs/quick/scene.gltf",
+    ] {
+        assert!(at.join("all").join(name).is_file(), "{name}");
+    }
+    let page = fs::read_to_string(at.join("all/stability.html")).unwrap();
+    assert!(page.contains("bench stability --json --report") && page.contains("half"));
+    assert!(fail(at, &["bench", "all", "--only", "weather"]).contains("time-error"));
 }

@@ -1,4 +1,4 @@
-//! Set-up, demo and tests of the whole workspace: `cargo xtask setup|demo|test|web|fuzz`.
+//! Set-up, demo and tests of the whole workspace: `cargo xtask setup|demo|test|report|web|fuzz`.
 
 mod browser;
 mod fuzz;
@@ -6,6 +6,7 @@ mod setup;
 mod steps;
 mod web;
 
+use std::path::Path;
 use std::process::ExitCode;
 
 use anyhow::{Context, Result, bail};
@@ -18,6 +19,7 @@ Usage: cargo xtask COMMAND
                and the rest on Debian as root, says what to install elsewhere
   demo [ARGS]  set up, build, and run `eigentile demo ARGS`; with --serve the viewer can then be opened in a browser
   test         set up; formatting, clippy, all tests, documentation, the viewer in Chromium; warnings are errors
+  report       write the tables and plots of docs/results.md from benches/results
   web          build the viewer for browsers: module, page and npm package, in web/dist
   fuzz [SECONDS]
                run every fuzz target for so long (60), with a C++ compiler; what they find is kept in target/fuzz
@@ -83,6 +85,18 @@ fn run(arguments: &[String]) -> Result<()> {
                     .run()
             })?;
             steps.run("browser", browser::test)?;
+        }
+        Some(("report", [])) => {
+            let root = Path::new(env!("CARGO_MANIFEST_DIR"))
+                .parent()
+                .context("xtask lies in the workspace")?;
+            steps.run("report", || {
+                cargo(&["run", "--quiet"])
+                    .args(["--package", "cli", "--bin", "eigentile", "--", "bench", "tables"])
+                    .args([root.join("docs/results.md").as_os_str(), "--results".as_ref()])
+                    .args([root.join("benches/results")])
+                    .run()
+            })?;
         }
         Some(("web", [])) => steps.run("web", web::build)?,
         Some(("fuzz", rest @ ([] | [_]))) => {

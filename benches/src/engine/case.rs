@@ -7,7 +7,7 @@ use engine::frame::{Budgets, Engine, Options};
 use engine::gpu::page_cache::SLOT_BYTES;
 use engine::gpu::{Context, PageFormat, ShadingWork};
 use scenes::Camera;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::{Duel, Motion, Stand, Subject};
 use crate::{Error, Result};
@@ -20,7 +20,7 @@ const COUNTED_VIEWS: usize = 4;
 const FLIGHT_SHARE: f64 = 0.5;
 
 /// How to measure.
-#[derive(Clone, Copy, Debug, Serialize)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub struct Plan {
     /// Width and height of the picture, pixels.
     pub size: (u32, u32),
@@ -53,7 +53,7 @@ impl Plan {
 }
 
 /// What was measured of a scene.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Case {
     /// The subject's.
     pub name: String,
@@ -80,7 +80,7 @@ pub struct Case {
 }
 
 /// Work that was not needed, by kind.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Skipped {
     /// Pages of all materials, all groups, all mips.
     pub pages: u64,

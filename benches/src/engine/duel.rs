@@ -5,13 +5,13 @@ use std::time::Instant;
 use engine::frame::Engine;
 use engine::gpu::GpuMilliseconds;
 use scenes::Camera;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::median;
 use crate::Result;
 
 /// Milliseconds of a frame by pass, means over the way; of each view the least of all rounds.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Passes {
     /// From the call to the end of all work, CPU and GPU.
     pub frame: f64,
@@ -28,7 +28,7 @@ pub struct Passes {
 }
 
 /// The same way twice.
-#[derive(Clone, Copy, Debug, Serialize)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub struct Duel {
     /// [`Engine::frame`].
     pub virtual_ms: Passes,

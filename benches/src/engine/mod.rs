@@ -21,17 +21,17 @@ mod subject;
 pub use case::{Case, Plan, measure};
 pub use duel::Duel;
 pub use motion::Motion;
-pub use report::table;
+pub use report::{frames, memory, processor, skipped, table};
 pub use stand::Stand;
 pub use subject::{Archives, Subject, built_in, orbit};
 
 /// The middle of values that are sorted here; 0 of none.
-fn median(values: &mut [f64]) -> f64 {
+pub(crate) fn median(values: &mut [f64]) -> f64 {
     quantile(values, 0.5)
 }
 
 /// The value under which a share of all lie; 0 of none.
-fn quantile(values: &mut [f64], share: f64) -> f64 {
+pub(crate) fn quantile(values: &mut [f64], share: f64) -> f64 {
     values.sort_by(f64::total_cmp);
     let last = values.len().saturating_sub(1);
     values

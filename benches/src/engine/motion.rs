@@ -7,13 +7,13 @@ use std::time::Duration;
 
 use engine::frame::{Clock, Counters, Engine, Milliseconds};
 use scenes::Camera;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::quantile;
 use crate::Result;
 
 /// Milliseconds of the CPU in a frame by phase, besides the submission of work to the GPU.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct CpuPhases {
     /// Taking votes.
     pub votes: f64,
@@ -68,7 +68,7 @@ fn wall_time() -> Duration {
 }
 
 /// Flights.
-#[derive(Clone, Copy, Debug, Serialize)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub struct Motion {
     /// Frames of each.
     pub frames: usize,
@@ -77,12 +77,15 @@ pub struct Motion {
     /// 95th percentiles of the same.
     pub cpu_ms_95: CpuPhases,
     /// Medians of the time that passes: with waiting for a processor that others have.
+    #[serde(default)]
     pub wall_ms: CpuPhases,
     /// 95th percentiles of the same.
+    #[serde(default)]
     pub wall_ms_95: CpuPhases,
     /// Pages and columns that were placed.
     pub placed: u64,
     /// Most of them in one frame.
+    #[serde(default)]
     pub most_placed: u32,
     /// Those of them that others gave way for.
     pub swapped: u64,

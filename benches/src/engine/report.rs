@@ -8,15 +8,38 @@ use super::Case;
 const RATIO_GOAL: f64 = 1.10;
 const CPU_GOAL_MS: f64 = 1.0;
 
-/// Tables in Markdown.
+/// Four tables in Markdown.
 pub fn table(cases: &[Case]) -> String {
+    [frames(cases), processor(cases), skipped(cases), memory(cases)].join("\n")
+}
+
+fn table_of(write: impl FnOnce(&mut String) -> std::fmt::Result) -> String {
     let mut text = String::new();
-    // Writing to a string cannot fail.
-    let _ = write(&mut text, cases);
+    let _ = write(&mut text); // writing to a string cannot fail
     text
 }
 
-fn write(text: &mut String, cases: &[Case]) -> std::fmt::Result {
+/// Frames with and without virtual textures.
+pub fn frames(cases: &[Case]) -> String {
+    table_of(|text| write_frames(text, cases))
+}
+
+/// The CPU by phase.
+pub fn processor(cases: &[Case]) -> String {
+    table_of(|text| write_processor(text, cases))
+}
+
+/// Work that was not needed.
+pub fn skipped(cases: &[Case]) -> String {
+    table_of(|text| write_skipped(text, cases))
+}
+
+/// What takes memory, and frames a second.
+pub fn memory(cases: &[Case]) -> String {
+    table_of(|text| write_memory(text, cases))
+}
+
+fn write_frames(text: &mut String, cases: &[Case]) -> std::fmt::Result {
     writeln!(
         text,
         "| virtual / resident, ms | frame | ratio (at most {RATIO_GOAL:.2}) | median of pairs | visibility | feedback | classify | shade | tonemap |\n|---|---|---:|---:|---|---:|---|---|---|"
@@ -49,9 +72,13 @@ fn write(text: &mut String, cases: &[Case]) -> std::fmt::Result {
             pair(with.tonemap, without.tonemap),
         )?;
     }
+    Ok(())
+}
+
+fn write_processor(text: &mut String, cases: &[Case]) -> std::fmt::Result {
     writeln!(
         text,
-        "\n| CPU in a frame, ms | besides submission (under {CPU_GOAL_MS:.0}) | 95 % | with waiting | 95 % | votes | residency | source | decode | upload | submission |\n|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|"
+        "| CPU in a frame, ms | besides submission (under {CPU_GOAL_MS:.0}) | 95 % | with waiting | 95 % | votes | residency | source | decode | upload | submission |\n|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|"
     )?;
     for case in cases {
         let motion = &case.motion;
@@ -70,9 +97,13 @@ fn write(text: &mut String, cases: &[Case]) -> std::fmt::Result {
             )?;
         }
     }
+    Ok(())
+}
+
+fn write_skipped(text: &mut String, cases: &[Case]) -> std::fmt::Result {
     writeln!(
         text,
-        "\n| skipped | pages that no view wants | groups left out | groups absent | pixels not shaded | tiles not shaded | frames not drawn, still | votes asked, still | bytes of votes to all counters | records from the host | pages without a record | requests cancelled |\n|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|"
+        "| skipped | pages that no view wants | groups left out | groups absent | pixels not shaded | tiles not shaded | frames not drawn, still | votes asked, still | bytes of votes to all counters | records from the host | pages without a record | requests cancelled |\n|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|"
     )?;
     for case in cases {
         let skipped = &case.skipped;
@@ -99,9 +130,13 @@ fn write(text: &mut String, cases: &[Case]) -> std::fmt::Result {
             counters.requests_cancelled,
         )?;
     }
+    Ok(())
+}
+
+fn write_memory(text: &mut String, cases: &[Case]) -> std::fmt::Result {
     writeln!(
         text,
-        "\n| memory | triangles | GPU MiB | host MiB | frames a second, virtual | error left when resident |\n|---|---:|---:|---:|---:|---:|"
+        "| memory | triangles | GPU MiB | host MiB | frames a second, virtual | error left when resident |\n|---|---:|---:|---:|---:|---:|"
     )?;
     for case in cases {
         let mib = |bytes: u64| bytes as f64 / f64::from(1 << 20);

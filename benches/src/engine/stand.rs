@@ -2,13 +2,13 @@
 
 use engine::frame::{Engine, FrameStats};
 use scenes::Camera;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::motion::{CpuPhases, thread_time};
 use crate::Result;
 
 /// Frames of a settled view.
-#[derive(Clone, Copy, Debug, Serialize)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub struct Stand {
     /// Frames.
     pub frames: usize,

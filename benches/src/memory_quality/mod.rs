@@ -2,20 +2,19 @@
 //! format of the page cache and by rank.
 //!
 //! - [`measure`] (`run`) settles one view under each [`Setting`] and compares the picture with full residency, and with the
-//!   uncompressed BTFs where they are given. `capped`: residency of leading component groups only, which is what a
+//!   uncompressed BTFs where they are given. `crate::capped`: residency of leading component groups only, which is what a
 //!   factorization of lower rank would hold.
 //! - `knee`: where more memory begins to bring little. `shots`: pictures and error maps at chosen points.
-//! - [`table`], [`csv`] and [`html`] show; `chart` draws curves as SVG.
+//! - [`table`] and [`report`](fn@report) show.
 //!
 //! After figure 4 of Schwartz, Ruiters and Klein 2013 (too small, right, full, and low rank at equal memory), for any scene.
 
-mod capped;
-mod chart;
 mod knee;
 mod report;
 mod run;
 mod shots;
 
-pub use report::{csv, html, table};
+pub use report::{plot, report, rows, table};
+pub(crate) use run::covered;
 pub use run::{Plan, Point, Quality, Results, Setting, Truth, measure};
 pub use shots::Shot;

@@ -1,22 +1,22 @@
-//! Results as a table, as CSV, and as one HTML page with all that it shows inside.
+//! Results as a table and as a report.
 
 use std::fmt::Write;
 
 use engine::gpu::PageFormat;
-use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
 
-use super::chart::{Axes, Series, chart, escape, legend};
 use super::shots::name;
 use super::{Point, Quality, Results, Shot};
+use crate::report::chart::{self, Axes, Series, chart, legend};
+use crate::report::{Image, Report};
 
 const MIB: f64 = 1048576.0;
 /// By share of the components: colours that differ in lightness too.
 const COLOURS: [&str; 5] = ["#0969da", "#bf8700", "#8250df", "#1a7f37", "#cf222e"];
 
-/// A figure: its name in tables, its place in CSV, and how it is found.
+/// A figure: its name in plots, a short one, and how it is found.
 struct Figure {
     title: &'static str,
-    csv: &'static str,
+    short: &'static str,
     log_above: Option<f64>,
     of: fn(&Quality) -> f64,
 }
@@ -51,20 +51,25 @@ const FIGURES: [Figure; 8] = [
 
 const fn figure(
     title: &'static str,
-    csv: &'static str,
+    short: &'static str,
     log_above: Option<f64>,
     of: fn(&Quality) -> f64,
 ) -> Figure {
     Figure {
         title,
-        csv,
+        short,
         log_above,
         of,
     }
 }
 
-/// A row in Markdown for each point; then what the knee is.
+/// [`rows`], then what the knee is.
 pub fn table(results: &Results) -> String {
+    format!("{}\n{}: {}\n", rows(results), results.name, summary(results))
+}
+
+/// A row in Markdown for each point.
+pub fn rows(results: &Results) -> String {
     let mut text = String::from(
         "| pages are | components | slots | MiB | of full | RMSE | PSNR | SSIM | FLIP | ΔE 2000 | against the BTF: RMSE | SSIM | FLIP |\n|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|\n",
     );
@@ -91,7 +96,6 @@ pub fn table(results: &Results) -> String {
             measured.delta_e_2000,
         );
     }
-    let _ = writeln!(text, "\n{}: {}", results.name, summary(results));
     text
 }
 
@@ -130,84 +134,43 @@ fn summary(results: &Results) -> String {
     text
 }
 
-/// A line for each point; figures against full residency, then (empty where there is none) against the uncompressed BTFs.
-pub fn csv(results: &Results) -> String {
-    let mut text = String::from(
-        "page_format,component_share,components,page_slots,page_bytes,column_bytes,pages_resident,predicted_rms",
-    );
-    for against in ["full", "reference"] {
-        for figure in &FIGURES {
-            let _ = write!(text, ",{against}_{}", figure.csv);
-        }
-    }
-    text.push('\n');
-    for point in &results.points {
-        let setting = &point.setting;
-        let format = match setting.format {
-            PageFormat::Half => "half",
-            PageFormat::Byte => "byte",
-        };
-        let _ = write!(
-            text,
-            "{format},{},{},{},{},{},{},{}",
-            setting.share,
-            4 * u32::from(setting.groups),
-            setting.page_slots,
-            point.page_bytes,
-            point.column_bytes,
-            point.pages_resident,
-            point.predicted_rms
-        );
-        for quality in [Some(&point.full), point.reference.as_ref()] {
-            for figure in &FIGURES {
-                let value = quality.map(figure.of).filter(|value| value.is_finite());
-                let _ = write!(
-                    text,
-                    ",{}",
-                    value.map_or_else(String::new, |value| value.to_string())
-                );
-            }
-        }
-        text.push('\n');
-    }
-    text
-}
-
-const STYLE: &str = "body{font:15px/1.5 system-ui,sans-serif;max-width:1480px;margin:2em auto;padding:0 1em;color:#24292f;background:#fff}\
-h1,h2{font-weight:500}.row{display:flex;flex-wrap:wrap;gap:14px}figure{margin:0;max-width:100%}img{max-width:100%;display:block}\
-figcaption{font-size:13px;color:#57606a;max-width:420px}table{border-collapse:collapse;font-size:13px;font-variant-numeric:tabular-nums}\
-td,th{padding:2px 9px;text-align:right;border-bottom:1px solid #d0d7de}td:first-child,th:first-child{text-align:left}\
-svg{max-width:100%;height:auto}.scroll{overflow-x:auto}";
-
-/// A page that needs nothing else: plots as SVG, pictures inside, no scripts.
-pub fn html(results: &Results) -> String {
-    let mut page = format!(
-        "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><meta name=\"viewport\" content=\"width=device-width\">\
-         <title>Memory and quality: {name}</title><style>{STYLE}</style><h1>Memory and quality: {name}</h1><p>{}</p>\
-         <p>{}×{} pixels on {}. Memory is what pages and columns take on the GPU. The ring marks the knee.</p>",
-        escape(&summary(results)),
-        results.plan.size.0,
-        results.plan.size.1,
-        escape(&results.adapter),
-        name = escape(&results.name),
-    );
-    page += "<h2>Pictures</h2><div class=\"row\">";
-    for shot in &results.shots {
-        page += &picture(results, shot);
-    }
-    page += "</div><h2>Against full residency</h2>";
-    page += &charts(results, |point| Some(&point.full));
+/// Everything, to read: pictures, curves, figures.
+pub fn report(results: &Results) -> Report {
+    let (width, height) = results.plan.size;
+    let mut report = Report::new(format!("Memory and quality: {}", results.name))
+        .text(summary(results))
+        .text(format!(
+            "{width}×{height} pixels. Memory is what pages and columns take on the GPU. The ring marks the knee."
+        ))
+        .heading("Pictures")
+        .figures(results.shots.iter().map(|shot| picture(results, shot)).collect())
+        .heading("Against full residency")
+        .plots(charts(results, |point| Some(&point.full)));
     if results.full_reference.is_some() {
-        page += "<h2>Against the uncompressed BTFs</h2>";
-        page += &charts(results, |point| point.reference.as_ref());
+        report = report
+            .heading("Against the uncompressed BTFs")
+            .plots(charts(results, |point| point.reference.as_ref()));
     }
-    page += "<h2>Figures</h2><div class=\"scroll\">";
-    page += &html_table(&table(results));
-    page + "</div></html>\n"
+    report.heading("Figures").text(rows(results))
 }
 
-fn charts(results: &Results, quality: impl Fn(&Point) -> Option<&Quality>) -> String {
-    let mut page = String::new();
+/// One curve as SVG: FLIP over memory, against the uncompressed BTFs where they are known, and what the colours mean.
+pub fn plot(results: &Results) -> String {
+    let against: fn(&Point) -> Option<&Quality> = match results.full_reference {
+        Some(_) => |point| point.reference.as_ref(),
+        None => |point| Some(&point.full),
+    };
+    let flip = FIGURES
+        .iter()
+        .position(|figure| figure.short == "flip")
+        .unwrap_or(0);
+    let mut charts = charts(results, against);
+    let chart = charts.remove(flip + 1); // the legend is before them
+    chart::stacked(&[chart, charts.remove(0)])
+}
+
+/// What the curves are, then one chart for each of [`FIGURES`].
+fn charts(results: &Results, quality: impl Fn(&Point) -> Option<&Quality>) -> Vec<String> {
     let series = |of: fn(&Quality) -> f64| -> Vec<Series> {
         let mut all = Vec::new();
         for &format in &results.plan.formats {
@@ -222,14 +185,14 @@ fn charts(results: &Results, quality: impl Fn(&Point) -> Option<&Quality>) -> St
                     colour: COLOURS[rank % COLOURS.len()],
                     dashed: format == PageFormat::Byte,
                     points: points.collect(),
+                    labels: Vec::new(),
+                    hollow: false,
                 });
             }
         }
         all
     };
-    page += &legend(&series(|_| 0.0));
-    page += "<div class=\"row\">";
-    for figure in &FIGURES {
+    let draw = |figure: &Figure| {
         let knee = results.knee.map(|at| &results.points[at]);
         let mark = knee.and_then(|point| Some((point.bytes() as f64 / MIB, (figure.of)(quality(point)?))));
         let axes = Axes {
@@ -237,13 +200,16 @@ fn charts(results: &Results, quality: impl Fn(&Point) -> Option<&Quality>) -> St
             x: "MiB on the GPU",
             log_above: figure.log_above,
         };
-        page += &chart(&axes, &series(figure.of), mark);
-    }
-    page + "</div>"
+        chart(&axes, &series(figure.of), mark)
+    };
+    [legend(&series(|_| 0.0))]
+        .into_iter()
+        .chain(FIGURES.iter().map(draw))
+        .collect()
 }
 
-fn picture(results: &Results, shot: &Shot) -> String {
-    let mut caption = escape(&shot.label);
+fn picture(results: &Results, shot: &Shot) -> (Vec<Image>, String) {
+    let mut caption = shot.label.clone();
     if let Some(point) = shot.point.map(|at| &results.points[at]) {
         let _ = write!(
             caption,
@@ -257,31 +223,28 @@ fn picture(results: &Results, shot: &Shot) -> String {
             point.full.measured.delta_e_2000
         );
     }
-    let mut figure = format!(
-        "<figure><img alt=\"{}\" src=\"{}\">",
-        escape(&shot.label),
-        data_uri(shot.size, shot.shown.as_flattened())
-    );
+    let mut images = vec![Image {
+        label: shot.label.clone(),
+        size: shot.size,
+        rgb: shot.shown.as_flattened().to_vec(),
+    }];
     if let Some(error) = &shot.error {
         let against = if shot.point.is_some() {
             "full residency"
         } else {
             "the uncompressed BTFs"
         };
-        let coloured: Vec<u8> = error.iter().flat_map(|flip| error_colour(*flip)).collect();
-        let _ = write!(
-            figure,
-            "<img alt=\"FLIP, {}\" src=\"{}\">",
-            escape(&shot.label),
-            data_uri(shot.size, &coloured)
-        );
+        images.push(Image {
+            label: format!("FLIP, {}", shot.label),
+            size: shot.size,
+            rgb: error.iter().flat_map(|flip| error_colour(*flip)).collect(),
+        });
         let _ = write!(
             caption,
-            ". Below: FLIP against {against}, violet 0 to yellow {:.2}",
-            ERROR_TO
+            ". Below: FLIP against {against}, violet 0 to yellow {ERROR_TO:.2}"
         );
     }
-    format!("{figure}<figcaption>{caption}</figcaption></figure>")
+    (images, caption)
 }
 
 /// FLIP of the last colour of error maps: beyond a half a picture is wrong, by how much hardly matters.
@@ -290,74 +253,4 @@ const ERROR_TO: f64 = 0.5;
 fn error_colour(flip: u8) -> [u8; 3] {
     // The scale of mips has eight steps.
     engine::Overlay::Mip.colour(f64::from(flip) / 255.0 / ERROR_TO * 8.0)
-}
-
-/// A PNG that a page carries with it.
-fn data_uri((width, height): (u32, u32), rgb: &[u8]) -> String {
-    let mut png = Vec::new();
-    match PngEncoder::new(&mut png).write_image(rgb, width, height, ExtendedColorType::Rgb8) {
-        Ok(()) => format!("data:image/png;base64,{}", base64(&png)),
-        Err(_) => String::new(), // memory takes all that is written; sizes are those of pictures
-    }
-}
-
-/// RFC 4648, section 4.
-fn base64(bytes: &[u8]) -> String {
-    const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    let mut text = String::with_capacity(bytes.len().div_ceil(3) * 4);
-    for three in bytes.chunks(3) {
-        let at = |index: usize| u32::from(three.get(index).copied().unwrap_or(0));
-        let bits = at(0) << 16 | at(1) << 8 | at(2);
-        for digit in 0..4 {
-            let used = digit <= three.len();
-            let value = (bits >> (18 - 6 * digit)) as usize & 63;
-            text.push(if used { DIGITS[value].into() } else { '=' });
-        }
-    }
-    text
-}
-
-/// The table of a text in Markdown, as HTML; what follows it is left out.
-fn html_table(markdown: &str) -> String {
-    let mut html = String::from("<table>");
-    let rows = markdown.lines().take_while(|line| line.starts_with('|'));
-    for (row, line) in rows.enumerate().filter(|(row, _)| *row != 1) {
-        let cell = if row == 0 { "th" } else { "td" };
-        html += "<tr>";
-        for text in line.trim_matches('|').split('|') {
-            let _ = write!(html, "<{cell}>{}</{cell}>", escape(text.trim()));
-        }
-        html += "</tr>";
-    }
-    html + "</table>"
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// RFC 4648, section 10.
-    #[test]
-    fn base64_has_the_published_values() {
-        for (bytes, text) in [
-            ("", ""),
-            ("f", "Zg=="),
-            ("fo", "Zm8="),
-            ("foo", "Zm9v"),
-            ("foob", "Zm9vYg=="),
-            ("fooba", "Zm9vYmE="),
-            ("foobar", "Zm9vYmFy"),
-        ] {
-            assert_eq!(base64(bytes.as_bytes()), text);
-        }
-    }
-
-    #[test]
-    fn tables_become_html() {
-        let html = html_table("| a | b |\n|---|---:|\n| 1 < 2 | x |\n\nafter");
-        assert_eq!(
-            html,
-            "<table><tr><th>a</th><th>b</th></tr><tr><td>1 &lt; 2</td><td>x</td></tr></table>"
-        );
-    }
 }

@@ -6,10 +6,10 @@ use engine::frame::{Budgets, Engine, Options, Policy};
 use engine::gpu::{Context, PageFormat};
 use engine::metrics::{Comparison, Picture, compare, flip};
 use scenes::{Camera, Scene, Surface};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
-use super::capped::{Capped, groups};
 use super::shots::{self, Kept, Shot};
+use crate::capped::{Capped, groups};
 use crate::engine::Subject;
 use crate::{Error, Result};
 
@@ -19,7 +19,7 @@ const LIMIT: Duration = Duration::from_secs(600);
 const FIRST_BYTES: u64 = 16 << 20;
 
 /// How to measure.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Plan {
     /// Width and height of the picture, pixels.
     pub size: (u32, u32),
@@ -34,7 +34,7 @@ pub struct Plan {
 }
 
 /// What is varied.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Setting {
     /// Texels of the page cache.
     pub format: PageFormat,
@@ -47,7 +47,7 @@ pub struct Setting {
 }
 
 /// How far a picture is from another.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Quality {
     /// RMSE before tone mapping; RMSE, PSNR, SSIM and ΔE after.
     #[serde(flatten)]
@@ -76,7 +76,7 @@ impl Quality {
 }
 
 /// What a setting gave.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Point {
     /// What was set.
     #[serde(flatten)]
@@ -103,7 +103,7 @@ impl Point {
 }
 
 /// All that was measured.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Results {
     /// The scene.
     pub name: String,
@@ -253,7 +253,7 @@ fn budgets(least: u32, most: u32, steps: usize) -> Vec<u32> {
 }
 
 /// Pixels that show a streamed material.
-fn covered(scene: &Scene, ids: &[[u32; 2]]) -> Vec<bool> {
+pub(crate) fn covered(scene: &Scene, ids: &[[u32; 2]]) -> Vec<bool> {
     let is_btf = |instance: u32| {
         let instance = scene.instances.get((instance as usize).checked_sub(1)?)?;
         let material = scene.materials.get(scene.meshes.get(instance.mesh)?.material)?;

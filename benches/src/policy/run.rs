@@ -1,7 +1,7 @@
 //! Replaying.
 
 use engine::residency::{MaterialInfo, Vote};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::{
     Trace, optimum,
@@ -34,7 +34,7 @@ pub struct Plan {
 }
 
 /// A policy.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Policy {
     /// `engine::residency`.
@@ -48,7 +48,7 @@ pub enum Policy {
 }
 
 /// One policy with one budget.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Point {
     /// Which.
     pub policy: Policy,
@@ -65,7 +65,7 @@ pub struct Point {
 }
 
 /// All that was measured.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Results {
     /// The trace's.
     pub name: String,

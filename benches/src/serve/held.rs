@@ -10,7 +10,7 @@ use std::{
 };
 
 use futures_util::{StreamExt, stream};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::{
     Plan,
@@ -26,7 +26,7 @@ const AT_ONCE: usize = 64;
 const LOOK: Duration = Duration::from_millis(100);
 
 /// A host with many connections.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Held {
     /// `nginx` or `eigentile`.
     pub host: String,

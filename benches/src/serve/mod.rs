@@ -19,8 +19,8 @@ use std::path::Path;
 
 pub use held::Held;
 pub use race::{Race, Round};
-pub use report::{plot, table};
-use serde::Serialize;
+pub use report::{held, plot, races, table};
+use serde::{Deserialize, Serialize};
 
 use crate::{Error, Result};
 
@@ -42,7 +42,7 @@ pub struct Plan {
 }
 
 /// What was measured.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Results {
     /// Processors that all share.
     pub cores: usize,

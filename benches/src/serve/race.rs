@@ -7,7 +7,7 @@ use std::{
     time::Duration,
 };
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::{
     Plan,
@@ -19,7 +19,7 @@ use super::{
 use crate::{Error, Result};
 
 /// A host in rounds.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Race {
     /// `nginx` or `eigentile`.
     pub host: String,
@@ -28,7 +28,7 @@ pub struct Race {
 }
 
 /// A round.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Round {
     /// Answers in a second.
     pub requests_per_second: f64,

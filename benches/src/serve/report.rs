@@ -9,11 +9,34 @@ const GOALS: (f64, f64) = (0.9, 2.0);
 
 /// Two tables in Markdown, and whether the goals are met.
 pub fn table(results: &Results) -> String {
+    let verdict = |met: bool| if met { "met" } else { "missed" };
     let mut text = format!(
-        "{} records of {:.0} bytes on average, {} connections, asked by {}, {} cores shared by all.\n\n\
-         | host | requests/s | p50 ms | p99 ms | failed |\n|---|---|---|---|---|\n",
-        results.records, results.mean_record_bytes, results.connections, results.asked_by, results.cores
+        "{} records of {:.0} bytes on average, {} connections, asked by {}, {} cores shared by all.\n\n{}\n\
+         Requests/s to nginx, round by round: {:.2} (goal: {} or more, {}). p99: {:.2} times (goal: {} or less, {}).\n",
+        results.records,
+        results.mean_record_bytes,
+        results.connections,
+        results.asked_by,
+        results.cores,
+        races(results),
+        results.speed(),
+        GOALS.0,
+        verdict(results.speed() >= GOALS.0),
+        results.slowness(),
+        GOALS.1,
+        verdict(results.slowness() <= GOALS.1),
     );
+    if !results.held.is_empty() {
+        text += "\n";
+        text += &held(results);
+    }
+    text
+}
+
+/// Rounds of each host, medians.
+pub fn races(results: &Results) -> String {
+    let mut text =
+        String::from("| host | requests/s | p50 ms | p99 ms | failed |\n|---|---:|---:|---:|---:|\n");
     for race in &results.races {
         let Round {
             requests_per_second,
@@ -27,22 +50,15 @@ pub fn table(results: &Results) -> String {
             race.host
         );
     }
-    let verdict = |met: bool| if met { "met" } else { "missed" };
-    let _ = write!(
-        text,
-        "\nRequests/s to nginx, round by round: {:.2} (goal: {} or more, {}). p99: {:.2} times (goal: {} or less, {}).\n",
-        results.speed(),
-        GOALS.0,
-        verdict(results.speed() >= GOALS.0),
-        results.slowness(),
-        GOALS.1,
-        verdict(results.slowness() <= GOALS.1),
+    text
+}
+
+/// Connections that are held.
+pub fn held(results: &Results) -> String {
+    let mut text = String::from(
+        "| host | idle | of these answered at the end | busy | requests | failed | requests/s | p50 ms | p99 ms | MB at start | \
+         with idle | after a tenth | at the end |\n|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|\n",
     );
-    if results.held.is_empty() {
-        return text;
-    }
-    text += "\n| host | idle | of these answered at the end | busy | requests | failed | requests/s | p50 ms | p99 ms | MB at start | \
-             with idle | after a tenth | at the end |\n|---|---|---|---|---|---|---|---|---|---|---|---|---|\n";
     for held in &results.held {
         let mb = |bytes: u64| bytes as f64 / 1e6;
         let _ = writeln!(

@@ -20,5 +20,5 @@ mod truth;
 pub use order::Contender;
 pub use plot::plot;
 pub use replay::{Mark, Point, Replay};
-pub use report::table;
+pub use report::{moving, still, table};
 pub use run::{NamedNetwork, Plan, Results, Way, close_up, measure, near_objects, views};

@@ -1,11 +1,11 @@
 //! In which order records are asked for.
 
 use engine::residency::{Item, MaterialId, MaterialInfo, Vote};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use tileset::PageId;
 
 /// What decides.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Contender {
     /// `engine::residency`.

@@ -7,7 +7,7 @@ use engine::frame::{Engine, Options};
 use engine::gpu::Context;
 use engine::stream::{Network, Request};
 use scenes::Camera;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::baseline::Baseline;
 use super::line::Line;
@@ -28,7 +28,7 @@ const LOOKS: [(f64, f64); 3] = [(0.85, 0.1), (0.965, 0.025), (f64::INFINITY, 0.2
 const TRIP_FRAMES: u32 = 40;
 
 /// When something was reached.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Mark {
     /// Simulated, since the start.
     pub seconds: f64,
@@ -37,7 +37,7 @@ pub struct Mark {
 }
 
 /// A picture against the settled picture of its view.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Point {
     /// When it was shown.
     pub at: Mark,
@@ -46,6 +46,7 @@ pub struct Point {
     /// Of radiance.
     pub rmse: f64,
     /// Of what the screen shows; infinite (null) for equal pictures.
+    #[serde(deserialize_with = "crate::report::infinite_if_null")]
     pub psnr_db: f64,
     /// Root mean square error of reflectance that is predicted.
     pub predicted_rms: f64,
@@ -54,7 +55,7 @@ pub struct Point {
 }
 
 /// What was measured.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Replay {
     /// Name of the network.
     pub network: String,

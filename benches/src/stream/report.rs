@@ -4,13 +4,18 @@ use super::{Mark, Results, Way};
 
 /// Tables in Markdown: a row for each network and contender, one table for each way.
 pub fn table(results: &Results) -> String {
+    let text = format!("Static view:\n\n{}", still(results));
+    match moving(results) {
+        Some(moving) => format!("{text}\nMoving camera:\n\n{moving}"),
+        None => text,
+    }
+}
+
+/// The view that stays.
+pub fn still(results: &Results) -> String {
     let mut text = String::from(
-        "Static view:\n\n| network | order | first picture | round trips | 95 % SSIM | bytes, of the best baseline | settled | lost | given up |\n|---|---|---:|---:|---:|---:|---:|---:|---:|\n",
+        "| network | order | first picture | round trips | 95 % SSIM | bytes, of the best baseline | settled | lost | given up |\n|---|---|---:|---:|---:|---:|---:|---:|---:|\n",
     );
-    let mut moving = String::from(
-        "\nMoving camera:\n\n| network | order | mean SSIM in motion | MB when it stops | 95 % SSIM | settled | given up, saved by it | never seen |\n|---|---|---:|---:|---:|---:|---:|---:|\n",
-    );
-    let mut moved = false;
     for named in &results.plan.networks {
         let share = results.share_of_best(&named.name, Way::Static);
         for replay in results.of(&named.name, Way::Static) {
@@ -28,9 +33,20 @@ pub fn table(results: &Results) -> String {
                 kilobytes(replay.aborted_bytes),
             );
         }
+    }
+    text
+}
+
+/// The camera that moves, where it does.
+pub fn moving(results: &Results) -> Option<String> {
+    let mut text = String::from(
+        "| network | order | mean SSIM in motion | MB when it stops | 95 % SSIM | settled | given up, saved by it | never seen |\n|---|---|---:|---:|---:|---:|---:|---:|\n",
+    );
+    let mut moved = false;
+    for named in &results.plan.networks {
         for replay in results.of(&named.name, Way::Moving) {
             moved = true;
-            moving += &format!(
+            text += &format!(
                 "| {} | {} | {} | {} | {} | {} | {}, {} | {} |\n",
                 named.name,
                 replay.contender.name(),
@@ -44,7 +60,7 @@ pub fn table(results: &Results) -> String {
             );
         }
     }
-    if moved { text + &moving } else { text }
+    moved.then_some(text)
 }
 
 fn mark(mark: Option<Mark>) -> String {

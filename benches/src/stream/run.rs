@@ -5,7 +5,7 @@ use engine::gpu::{Context, PageFormat};
 use engine::stream::Network;
 use scenes::Camera;
 use scenes::paper::PaperScene;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::replay::{FRAMES, Stage};
 use super::{Contender, Replay, truth};
@@ -16,7 +16,7 @@ use crate::{Error, Result};
 const MOVING_VIEWS: usize = 8;
 
 /// A network with its name.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct NamedNetwork {
     /// How it is called in results.
     pub name: String,
@@ -25,7 +25,7 @@ pub struct NamedNetwork {
 }
 
 /// How the camera goes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Way {
     /// It stays at the first view.
@@ -35,7 +35,7 @@ pub enum Way {
 }
 
 /// How to measure.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Plan {
     /// Width and height of the picture, pixels.
     pub size: (u32, u32),
@@ -48,7 +48,7 @@ pub struct Plan {
 }
 
 /// All that was measured.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Results {
     /// The scene.
     pub name: String,

@@ -3,12 +3,14 @@
 use std::path::{Path, PathBuf};
 
 use ::benches::KeptFactors;
-use ::benches::codec::{Material, Plan, measure};
+use ::benches::codec::{Material, Plan, Point, measure};
+use ::benches::report::Report;
 use ::preprocess::Settings;
 use anyhow::{Context, Result};
 use clap::Args;
-use serde_json::json;
+use serde::Serialize;
 
+use super::output::{Output, Shown};
 use crate::{bytes, file, progress};
 
 /// Measure the page codec: bytes by kind and decoding speed of archives that meet given errors.
@@ -41,6 +43,8 @@ pub(crate) struct Arguments {
     /// Memory that the factorization may use, such as 2GiB; without it a quarter of the machine's.
     #[arg(long, value_name = "BYTES", value_parser = bytes::parse)]
     memory: Option<u64>,
+    #[command(flatten)]
+    output: Output,
     /// Prints what was measured as JSON, and no progress.
     #[arg(long)]
     json: bool,
@@ -77,16 +81,43 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         let measured = measure(&kept, &plan, &folder, &|progress| phases.show(progress));
         phases.finish();
         let material = measured.with_context(|| input.display().to_string())?;
-        if !quiet {
-            eprint!("{}", text(&material));
-        }
         materials.push(material);
     }
-    if arguments.json {
-        let generator = concat!("eigentile ", env!("CARGO_PKG_VERSION"));
-        return file::print_json(&json!({ "generator": generator, "materials": materials }));
-    }
-    Ok(())
+    let text: String = materials.iter().map(text).collect();
+    let rows: Vec<Row<'_>> = materials
+        .iter()
+        .flat_map(|material| material.points.iter().map(move |point| (material, point)))
+        .map(|(material, point)| Row {
+            material: &material.name,
+            point,
+        })
+        .collect();
+    let shown = Shown {
+        rows: &rows,
+        report: Report::new("Whole archives").text(format!("```\n{text}```\n")),
+        text,
+        device: None,
+        results: &Results {
+            generator: concat!("eigentile ", env!("CARGO_PKG_VERSION")),
+            materials: &materials,
+        },
+    };
+    arguments.output.give(quiet, shown)
+}
+
+/// A line of the CSV.
+#[derive(Serialize)]
+struct Row<'a> {
+    material: &'a str,
+    #[serde(flatten)]
+    point: &'a Point,
+}
+
+/// All that was measured.
+#[derive(Serialize)]
+struct Results<'a> {
+    generator: &'static str,
+    materials: &'a [Material],
 }
 
 /// The factors of an input, and the folder where they and the archives are.

@@ -1,17 +1,17 @@
 //! `eigentile bench engine`: what virtual textures cost in a frame, and what is skipped.
 
-use std::io::Write;
 use std::path::PathBuf;
-use std::process::Command;
 
 use ::benches::engine::{Case, Plan, built_in, measure, table};
+use ::benches::report::Report;
 use anyhow::{Result, ensure};
 use clap::Args;
 use serde::Serialize;
 
+use super::output::{Output, Shown};
 use super::viewed::{Viewed, cache_bytes};
+use crate::progress;
 use crate::render::parse_size;
-use crate::{file, progress};
 
 /// Measure frames with virtual textures against frames with all resident, the CPU by phase, and work that is skipped.
 #[derive(Args)]
@@ -39,6 +39,8 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "N", default_value_t = 512)]
     cache_mib: u64,
     #[command(flatten)]
+    output: Output,
+    #[command(flatten)]
     viewed: Viewed,
 }
 
@@ -59,12 +61,9 @@ const MATERIALS: [usize; 3] = [1, 10, 100];
 /// Most views, rounds and still frames.
 const MOST: usize = 100_000;
 
-/// All that was measured, and where.
+/// All that was measured.
 #[derive(Serialize)]
-struct Report {
-    device: String,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    commit: Option<String>,
+struct Results {
     settings: Plan,
     cases: Vec<Case>,
 }
@@ -107,9 +106,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
             MATERIALS.map(of).into_iter().collect::<::benches::Result<_>>()?
         }
     };
-    let report = Report {
-        device: ::engine::gpu::Context::headless()?.adapter(),
-        commit: commit(),
+    let results = Results {
         settings: plan,
         cases: subjects
             .iter()
@@ -121,24 +118,15 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
             .collect::<Result<_>>()?,
     };
     spinner.finish_and_clear();
-    if arguments.viewed.json {
-        return file::print_json(&report);
-    }
+    let device = ::engine::gpu::Context::headless()?.adapter();
     let (width, height) = plan.size;
-    let on = format!("{width}×{height} on {}", report.device);
-    Ok(write!(
-        std::io::stdout().lock(),
-        "{on}\n\n{}",
-        table(&report.cases)
-    )?)
-}
-
-/// What git says of the working folder, if it is there.
-fn commit() -> Option<String> {
-    let output = Command::new("git")
-        .args(["describe", "--always", "--dirty"])
-        .output()
-        .ok()?;
-    let text = String::from_utf8(output.stdout).ok()?.trim().to_owned();
-    (output.status.success() && !text.is_empty()).then_some(text)
+    let text = format!("{width}×{height} on {device}\n\n{}", table(&results.cases));
+    let shown = Shown {
+        rows: &results.cases,
+        report: Report::new("Frames with and without virtual textures").text(&text),
+        text,
+        device: Some(device),
+        results: &results,
+    };
+    arguments.output.give(arguments.viewed.json, shown)
 }

@@ -1,15 +1,17 @@
 //! `eigentile bench memory-quality`: how good pictures are with how much memory on the GPU.
 
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use ::benches::engine::{Subject, built_in};
-use ::benches::memory_quality::{Plan, Truth, csv, html, measure, table};
+use ::benches::memory_quality::{Plan, Shot, Truth, measure, plot, report, table};
 use ::engine::gpu::PageFormat;
 use anyhow::{Context, Result};
 use clap::{Args, ValueEnum};
+use image::codecs::png::PngEncoder;
+use image::{ExtendedColorType, ImageEncoder};
 use scenes::Camera;
 
+use super::output::{Output, Shown};
 use super::viewed::Viewed;
 use crate::render::parse_size;
 use crate::render::reference::References;
@@ -48,20 +50,22 @@ pub(crate) struct Arguments {
     /// Most memory on the GPU for pages and columns, MiB.
     #[arg(long, value_name = "N", default_value_t = 2048)]
     most_mib: u64,
-    /// Writes a page with plots, pictures and error maps, complete in itself.
-    #[arg(long, value_name = "FILE.html")]
-    html: Option<PathBuf>,
-    /// Writes a line for each point.
-    #[arg(long, value_name = "FILE.csv")]
-    csv: Option<PathBuf>,
+    /// Writes the curve of FLIP over memory.
+    #[arg(long, value_name = "FILE.svg")]
+    plot: Option<PathBuf>,
+    /// Writes the chosen pictures as PNG, numbered in the order of the report.
+    #[arg(long, value_name = "DIR")]
+    pictures: Option<PathBuf>,
+    #[command(flatten)]
+    output: Output,
     #[command(flatten)]
     viewed: Viewed,
 }
 
 const EXAMPLES: &str = "\
 Examples:
-  eigentile bench memory-quality --html memory.html
-  eigentile bench memory-quality scene.gltf --tiles tiles --reference npy --html memory.html --csv memory.csv
+  eigentile bench memory-quality --report memory.html
+  eigentile bench memory-quality scene.gltf --tiles tiles --reference npy --report memory.html --csv memory.csv
   eigentile bench memory-quality scene.gltf --tiles http://127.0.0.1:8080 --ranks 1,0.5 --formats half --json
 
 One view settles under each budget. RMSE and HDR-FLIP are of radiance, before tone mapping; PSNR, SSIM, FLIP and ΔE of what a
@@ -119,16 +123,32 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     });
     spinner.finish_and_clear();
     let results = results?;
-    if let Some(path) = &arguments.html {
-        file::write(path, html(&results).as_bytes())?;
+    if let Some(path) = &arguments.plot {
+        file::write(path, plot(&results).as_bytes())?;
     }
-    if let Some(path) = &arguments.csv {
-        file::write(path, csv(&results).as_bytes())?;
+    if let Some(folder) = &arguments.pictures {
+        file::make_folder(folder)?;
+        for (number, shot) in results.shots.iter().enumerate() {
+            save(&folder.join(format!("{number}.png")), shot)?;
+        }
     }
-    if arguments.viewed.json {
-        return file::print_json(&results);
-    }
-    Ok(write!(std::io::stdout().lock(), "{}", table(&results))?)
+    let shown = Shown {
+        rows: &results.points,
+        text: table(&results),
+        report: report(&results),
+        device: Some(results.adapter.clone()),
+        results: &results,
+    };
+    arguments.output.give(arguments.viewed.json, shown)
+}
+
+/// A chosen picture as it is shown.
+fn save(path: &Path, shot: &Shot) -> Result<()> {
+    let (width, height) = shot.size;
+    let mut png = Vec::new();
+    let rgb = shot.shown.as_flattened();
+    PngEncoder::new(&mut png).write_image(rgb, width, height, ExtendedColorType::Rgb8)?;
+    file::write(path, &png)
 }
 
 /// The first view of a path; without one the scene's own, or one that shows everything.

@@ -3,16 +3,20 @@
 //! To add one: its file with `Arguments` and `run`, and a line in `Subject` and in `run`. The work itself lives in the
 //! crate `benches`.
 
+mod all;
 mod codec;
 mod decode;
 mod engine;
 mod factorize;
 mod memory_quality;
+mod output;
 mod policy;
 mod range;
 mod serve;
 mod stability;
 mod stream;
+mod tables;
+mod time_error;
 mod viewed;
 
 use anyhow::Result;
@@ -28,21 +32,24 @@ pub(crate) struct Arguments {
 
 const EXAMPLES: &str = "\
 Examples:
+  eigentile bench all --quick
   eigentile bench codec leather.npy --keep kept
   eigentile bench decode kept/leather/*.bsvtf
   eigentile bench engine
   eigentile bench factorize leather.npy --json
-  eigentile bench memory-quality --html memory.html
+  eigentile bench memory-quality --report memory.html
   eigentile bench policy
   eigentile bench range leather.npy
   eigentile bench serve cloth.bsvtf
   eigentile bench stability
   eigentile bench stream
+  eigentile bench time-error --report time.html
 
 benches/peers in the source tree has the programs to measure beside, and scripts that run both.";
 
 #[derive(Subcommand)]
 enum Subject {
+    All(all::Arguments),
     Codec(codec::Arguments),
     Decode(decode::Arguments),
     Engine(engine::Arguments),
@@ -53,10 +60,13 @@ enum Subject {
     Serve(serve::Arguments),
     Stability(stability::Arguments),
     Stream(stream::Arguments),
+    Tables(tables::Arguments),
+    TimeError(time_error::Arguments),
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     match &arguments.subject {
+        Subject::All(arguments) => all::run(arguments),
         Subject::Codec(arguments) => codec::run(arguments),
         Subject::Decode(arguments) => decode::run(arguments),
         Subject::Engine(arguments) => engine::run(arguments),
@@ -67,5 +77,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         Subject::Serve(arguments) => serve::run(arguments),
         Subject::Stability(arguments) => stability::run(arguments),
         Subject::Stream(arguments) => stream::run(arguments),
+        Subject::Tables(arguments) => tables::run(arguments),
+        Subject::TimeError(arguments) => time_error::run(arguments),
     }
 }

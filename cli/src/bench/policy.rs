@@ -5,9 +5,11 @@ use std::io::{BufReader, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use ::benches::policy::{Plan, Synthetic, Trace, generate, plot, record, run as replay, table};
+use ::benches::report::Report;
 use anyhow::{Context, Result};
 use clap::Args;
 
+use super::output::{Output, Shown};
 use super::viewed::Viewed;
 use crate::render::parse_size;
 use crate::{file, progress};
@@ -47,6 +49,8 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "FILE.svg")]
     plot: Option<PathBuf>,
     #[command(flatten)]
+    output: Output,
+    #[command(flatten)]
     viewed: Viewed,
 }
 
@@ -83,13 +87,21 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let results = replay(&trace, &plan, &|what| spinner.set_message(what.to_owned()));
     spinner.finish_and_clear();
     let results = results?;
+    let svg = plot(&results);
     if let Some(path) = &arguments.plot {
-        file::write(path, plot(&results).as_bytes())?;
+        file::write(path, svg.as_bytes())?;
     }
-    if arguments.viewed.json {
-        return file::print_json(&results);
-    }
-    Ok(write!(std::io::stdout().lock(), "{}", table(&results))?)
+    let text = table(&results);
+    let shown = Shown {
+        rows: &results.points,
+        report: Report::new(format!("What is resident: {}", results.name))
+            .plots(vec![svg])
+            .text(&text),
+        text,
+        device: None,
+        results: &results,
+    };
+    arguments.output.give(arguments.viewed.json, shown)
 }
 
 fn trace(arguments: &Arguments, progress: &dyn Fn(&str)) -> Result<Trace> {

@@ -1,12 +1,13 @@
 //! `eigentile bench serve`: the tile server under load, beside nginx.
 
-use std::io::Write;
 use std::path::PathBuf;
 
+use ::benches::report::Report;
 use ::benches::serve::{Plan, measure, plot, table};
 use anyhow::{Context, Result};
 use clap::Args;
 
+use super::output::{Output, Shown};
 use crate::{file, progress};
 
 /// Measure the tile server beside nginx: requests per second, latency, and many connections held.
@@ -37,6 +38,8 @@ pub(crate) struct Arguments {
     /// Draws requests per second and latency, round by round.
     #[arg(long, value_name = "FILE.svg")]
     plot: Option<PathBuf>,
+    #[command(flatten)]
+    output: Output,
     /// Prints what was measured as JSON, and no progress.
     #[arg(long)]
     json: bool,
@@ -76,11 +79,19 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     });
     spinner.finish_and_clear();
     let results = results?;
+    let svg = plot(&results);
     if let Some(path) = &arguments.plot {
-        file::write(path, plot(&results).as_bytes())?;
+        file::write(path, svg.as_bytes())?;
     }
-    if arguments.json {
-        return file::print_json(&results);
-    }
-    Ok(write!(std::io::stdout().lock(), "{}", table(&results))?)
+    let text = table(&results);
+    let shown = Shown {
+        rows: &results.races,
+        report: Report::new("The tile server beside nginx")
+            .plots(vec![svg])
+            .text(&text),
+        text,
+        device: None,
+        results: &results,
+    };
+    arguments.output.give(arguments.json, shown)
 }

@@ -1,12 +1,13 @@
 //! `eigentile bench stability`: BTFs that are hard on floating point numbers, against stated bounds.
 
-use std::io::Write;
-
+use ::benches::report::Report;
 use ::benches::stability::{Row, Sizes, run as run_suite, table};
 use anyhow::{Result, ensure};
 use clap::Args;
+use serde::Serialize;
 
-use crate::{file, progress};
+use super::output::{Output, Shown};
+use crate::progress;
 
 /// Measure BTFs that are hard on floating point numbers, and compare with stated bounds; fails if one is broken.
 #[derive(Args)]
@@ -15,6 +16,8 @@ pub(crate) struct Arguments {
     /// Larger cases: a minute or two instead of seconds.
     #[arg(long)]
     full: bool,
+    #[command(flatten)]
+    output: Output,
     /// Prints all that was measured, and the bounds with their reasons, as JSON, and no progress.
     #[arg(long)]
     json: bool,
@@ -35,12 +38,22 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let spinner = progress::spinner("stability", arguments.json);
     let rows = run_suite(sizes, &|case| spinner.set_message(case.to_owned()));
     spinner.finish_and_clear();
-    if arguments.json {
-        file::print_json(&rows)?;
-    } else {
-        write!(std::io::stdout().lock(), "{}", table(&rows))?;
-    }
+    let text = table(&rows);
+    let shown = Shown {
+        rows: &rows,
+        report: Report::new("Hard on floating point numbers").text(format!("```\n{text}```\n")),
+        text,
+        device: None,
+        results: &Suite { cases: &rows },
+    };
+    arguments.output.give(arguments.json, shown)?;
     verdict(&rows)
+}
+
+/// All that was measured.
+#[derive(Serialize)]
+struct Suite<'a> {
+    cases: &'a [Row],
 }
 
 /// An error if a bound is broken; what it was has been printed then.

@@ -1,15 +1,16 @@
 //! `eigentile bench stream`: what is seen after how many bytes and seconds, under networks.
 
-use std::io::Write;
 use std::path::PathBuf;
 use std::time::Duration;
 
 use ::benches::engine::Subject;
+use ::benches::report::Report;
 use ::benches::stream::{NamedNetwork, Plan, close_up, measure, near_objects, plot, table, views};
 use ::engine::stream::Network;
 use anyhow::{Result, ensure};
 use clap::Args;
 
+use super::output::{Output, Shown};
 use super::viewed::{Viewed, cache_bytes};
 use crate::render::parse_size;
 use crate::{file, progress, scene};
@@ -54,6 +55,8 @@ pub(crate) struct Arguments {
     /// Draws structural similarity over bytes and seconds.
     #[arg(long, value_name = "FILE.svg")]
     plot: Option<PathBuf>,
+    #[command(flatten)]
+    output: Output,
     #[command(flatten)]
     viewed: Viewed,
 }
@@ -114,13 +117,21 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let results = measure(&subject, &plan, &|what| spinner.set_message(what.to_owned()));
     spinner.finish_and_clear();
     let results = results?;
+    let svg = plot(&results);
     if let Some(path) = &arguments.plot {
-        file::write(path, plot(&results).as_bytes())?;
+        file::write(path, svg.as_bytes())?;
     }
-    if arguments.viewed.json {
-        return file::print_json(&results);
-    }
-    Ok(write!(std::io::stdout().lock(), "{}", table(&results))?)
+    let text = table(&results);
+    let shown = Shown {
+        rows: &results.replays,
+        report: Report::new(format!("Under networks: {}", results.name))
+            .plots(vec![svg])
+            .text(&text),
+        text,
+        device: Some(::engine::gpu::Context::headless()?.adapter()),
+        results: &results,
+    };
+    arguments.output.give(arguments.viewed.json, shown)
 }
 
 /// The objects of the paper's second scene, from where its flight is near them.

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::gpu::GpuMilliseconds;
 
@@ -71,7 +71,8 @@ pub struct FrameStats {
 }
 
 /// Work that was not needed, and work that went wrong, since the start.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default)]
 pub struct Counters {
     /// Frames that were not drawn because nothing had changed.
     pub draws_skipped: u64,

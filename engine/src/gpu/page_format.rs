@@ -6,14 +6,14 @@
 //! resolution), in the unit in which all errors of eigen-textures are: mean squared reflectance.
 
 use half::{f16, slice::HalfFloatSliceExt};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use tileset::{Page, SLOT_AREA};
 
 /// Steps from zero to the scale of a slot.
 pub const STEPS: f32 = 127.0;
 
 /// What a texel of the page cache is.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum PageFormat {
     /// Four half floats: what the decoder makes.

@@ -1,6 +1,6 @@
 //! All figures of two pictures.
 
-use serde::Serialize;
+use serde::{Deserialize, Deserializer, Serialize};
 
 use super::{
     Picture,
@@ -12,7 +12,7 @@ use super::{
 /// How far a picture is from its reference, over the covered pixels.
 ///
 /// A value in a picture that is not a number makes figures not a number, which JSON shows as null.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Comparison {
     /// Pixels that were compared.
     pub pixels: u64,
@@ -26,6 +26,7 @@ pub struct Comparison {
     pub shown_rmse: f64,
     /// Peak signal to noise ratio, decibels, with a peak of 1, of what the screen shows, sRGB-encoded, not
     /// rounded to bytes. Infinite for equal pictures.
+    #[serde(deserialize_with = "infinite_if_null")]
     pub psnr_db: f64,
     /// Mean structural similarity of the luma 0.2126 R' + 0.7152 G' + 0.0722 B' of what the screen shows,
     /// sRGB-encoded; see [`mean_ssim`].
@@ -34,6 +35,11 @@ pub struct Comparison {
     pub delta_e_76: f64,
     /// Mean ΔE of 2000 of what the screen shows, white D65.
     pub delta_e_2000: f64,
+}
+
+/// JSON has no infinity: what was one is null there.
+fn infinite_if_null<'de, D: Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
+    Ok(Option::deserialize(from)?.unwrap_or(f64::INFINITY))
 }
 
 /// Compares a picture with its reference, where `covered` says so (`[y][x]`; all pixels if it is `None`).

@@ -7,18 +7,18 @@ use engine::residency::{
 
 /// Residency that is told of a share of each material's component groups, the leading ones: nothing is ever asked for of the
 /// others, neither pages nor columns.
-pub(super) struct Capped {
+pub(crate) struct Capped {
     inner: Residency,
     share: f64,
 }
 
 /// So many of these groups: at least one.
-pub(super) fn groups(all: u16, share: f64) -> u16 {
+pub(crate) fn groups(all: u16, share: f64) -> u16 {
     ((f64::from(all) * share).ceil() as u16).clamp(1, all.max(1))
 }
 
 impl Capped {
-    pub(super) fn new(share: f64) -> Self {
+    pub(crate) fn new(share: f64) -> Self {
         let limits = Limits {
             page_slots: 0,
             column_slots: 0,

@@ -3,20 +3,24 @@
 use std::fmt::Write;
 
 /// A curve.
-pub(super) struct Series {
-    pub(super) name: String,
-    pub(super) colour: &'static str,
-    pub(super) dashed: bool,
+pub(crate) struct Series {
+    pub(crate) name: String,
+    pub(crate) colour: &'static str,
+    pub(crate) dashed: bool,
     /// By rising x.
-    pub(super) points: Vec<(f64, f64)>,
+    pub(crate) points: Vec<(f64, f64)>,
+    /// What stands beside points, of as many as there are names.
+    pub(crate) labels: Vec<String>,
+    /// Whether circles are empty and not joined by a line.
+    pub(crate) hollow: bool,
 }
 
 /// Axes of a chart. x is logarithmic.
-pub(super) struct Axes<'a> {
-    pub(super) title: &'a str,
-    pub(super) x: &'a str,
+pub(crate) struct Axes<'a> {
+    pub(crate) title: &'a str,
+    pub(crate) x: &'a str,
     /// A logarithmic y, of what lies above this.
-    pub(super) log_above: Option<f64>,
+    pub(crate) log_above: Option<f64>,
 }
 
 const PANEL: (f64, f64) = (400.0, 210.0);
@@ -25,7 +29,7 @@ const TOP: f64 = 34.0;
 const GRID: &str = "#d0d7de";
 
 /// A chart of its own, with points marked by circles and one of them, `mark`, by a ring.
-pub(super) fn chart(axes: &Axes<'_>, series: &[Series], mark: Option<(f64, f64)>) -> String {
+pub(crate) fn chart(axes: &Axes<'_>, series: &[Series], mark: Option<(f64, f64)>) -> String {
     let (width, height) = (LEFT + PANEL.0 + 18.0, TOP + PANEL.1 + 44.0);
     let mut svg = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" width=\"{width}\" height=\"{height}\" role=\"img\" font-family=\"sans-serif\" font-size=\"11\" fill=\"#24292f\"><title>{title}</title>\n<rect width=\"100%\" height=\"100%\" fill=\"#fff\"/>\n<text x=\"8\" y=\"18\" font-weight=\"bold\" font-size=\"13\">{title}</text>\n",
@@ -44,7 +48,7 @@ pub(super) fn chart(axes: &Axes<'_>, series: &[Series], mark: Option<(f64, f64)>
     };
     let at_x = |value: f64| LEFT + PANEL.0 * (value.log10() - x.0) / (x.1 - x.0);
     let at_y = |value: f64| TOP + PANEL.1 * (y.1 - of_y(value)) / (y.1 - y.0);
-    for tick in logarithmic(x) {
+    for (tick, label) in logarithmic_or_linear(x) {
         line(
             &mut svg,
             &format!("M{:.1} {TOP}v{}", at_x(tick), PANEL.1),
@@ -52,19 +56,10 @@ pub(super) fn chart(axes: &Axes<'_>, series: &[Series], mark: Option<(f64, f64)>
             1.0,
             false,
         );
-        text(
-            &mut svg,
-            at_x(tick),
-            TOP + PANEL.1 + 15.0,
-            "middle",
-            &number(tick),
-        );
+        text(&mut svg, at_x(tick), TOP + PANEL.1 + 15.0, "middle", &label);
     }
     let ticks: Vec<_> = match axes.log_above {
-        Some(_) => logarithmic(y)
-            .into_iter()
-            .map(|tick| (tick, number(tick)))
-            .collect(),
+        Some(_) => logarithmic_or_linear(y),
         None => linear(y),
     };
     for (tick, label) in ticks {
@@ -86,17 +81,32 @@ pub(super) fn chart(axes: &Axes<'_>, series: &[Series], mark: Option<(f64, f64)>
     );
     for series in series {
         let mut path = String::new();
-        for (x, y) in series.points.iter().filter(usable) {
+        for (at, point) in series.points.iter().enumerate() {
+            if !usable(&point) {
+                continue;
+            }
             let command = if path.is_empty() { 'M' } else { 'L' };
-            let (x, y) = (at_x(*x), at_y(*y));
+            let (x, y) = (at_x(point.0), at_y(point.1));
             let _ = write!(path, "{command}{x:.1} {y:.1}"); // strings take everything
+            let fill = if series.hollow { "#fff" } else { series.colour };
             let _ = writeln!(
                 svg,
-                "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"2.5\" fill=\"{}\"/>",
+                "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{}\" fill=\"{fill}\" stroke=\"{}\"/>",
+                if series.labels.is_empty() { 2.5 } else { 3.5 },
                 series.colour
             );
+            if let Some(label) = series.labels.get(at) {
+                let (x, anchor) = if x > LEFT + 0.7 * PANEL.0 {
+                    (x - 7.0, "end")
+                } else {
+                    (x + 7.0, "start")
+                };
+                text(&mut svg, x, y - 5.0, anchor, label);
+            }
         }
-        line(&mut svg, &path, series.colour, 1.8, series.dashed);
+        if !series.hollow {
+            line(&mut svg, &path, series.colour, 1.8, series.dashed);
+        }
     }
     if let Some((x, y)) = mark.filter(|mark| usable(&mark)) {
         let _ = writeln!(
@@ -110,7 +120,7 @@ pub(super) fn chart(axes: &Axes<'_>, series: &[Series], mark: Option<(f64, f64)>
 }
 
 /// Names of the curves, one below the other.
-pub(super) fn legend(series: &[Series]) -> String {
+pub(crate) fn legend(series: &[Series]) -> String {
     let height = 20.0 * series.len() as f64 + 8.0;
     let mut svg = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 480 {height}\" width=\"480\" height=\"{height}\" font-family=\"sans-serif\" font-size=\"12\" fill=\"#24292f\">\n<rect width=\"100%\" height=\"100%\" fill=\"#fff\"/>\n"
@@ -123,12 +133,32 @@ pub(super) fn legend(series: &[Series]) -> String {
     svg + "</svg>\n"
 }
 
+/// SVGs that begin with their size, as those of this module, one below the other in one.
+pub(crate) fn stacked(svgs: &[String]) -> String {
+    let number = |svg: &str, name: &str| -> f64 {
+        let text = svg
+            .split_once(&format!(" {name}=\""))
+            .and_then(|(_, rest)| rest.split_once('"'));
+        text.and_then(|(value, _)| value.parse().ok()).unwrap_or(0.0)
+    };
+    let width = svgs.iter().map(|svg| number(svg, "width")).fold(0.0, f64::max);
+    let mut height = 0.0;
+    let mut inside = String::new();
+    for svg in svgs {
+        inside += &svg.replacen("<svg ", &format!("<svg y=\"{height}\" "), 1);
+        height += number(svg, "height");
+    }
+    format!(
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" width=\"{width}\" height=\"{height}\">\n{inside}</svg>\n"
+    )
+}
+
 /// Least and largest, with some room where they are one.
 fn range(values: impl Iterator<Item = f64>) -> Option<(f64, f64)> {
     let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| {
         (low.min(value), high.max(value))
     });
-    let room = if high > low { 0.0 } else { 0.5 };
+    let room = if high > low { 0.03 * (high - low) } else { 0.5 };
     (low <= high).then_some((low - room, high + room))
 }
 
@@ -144,6 +174,15 @@ fn logarithmic((low, high): (f64, f64)) -> Vec<f64> {
     ticks
         .filter(|tick| (low - 1e-9..=high + 1e-9).contains(&tick.log10()))
         .collect()
+}
+
+/// Ticks of a logarithmic axis: where two powers of ten are too far away, even steps.
+fn logarithmic_or_linear(exponents: (f64, f64)) -> Vec<(f64, String)> {
+    let ticks = logarithmic(exponents);
+    if ticks.len() < 3 {
+        return linear((10f64.powf(exponents.0), 10f64.powf(exponents.1)));
+    }
+    ticks.into_iter().map(|tick| (tick, number(tick))).collect()
 }
 
 /// At most eight steps of 1, 2 or 5 times a power of ten, with as many digits as tell them apart.
@@ -191,7 +230,7 @@ fn line(svg: &mut String, path: &str, colour: &str, width: f64, dashed: bool) {
 }
 
 /// Text of XML and HTML.
-pub(super) fn escape(text: &str) -> String {
+pub(crate) fn escape(text: &str) -> String {
     text.replace('&', "&amp;")
         .replace('<', "&lt;")
         .replace('>', "&gt;")
@@ -236,6 +275,8 @@ mod tests {
             colour: "#000",
             dashed: true,
             points,
+            labels: vec!["one".into()],
+            hollow: false,
         };
         for points in [
             vec![],
