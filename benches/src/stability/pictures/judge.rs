@@ -89,6 +89,8 @@ pub(super) struct Judge {
     factors: FactorReflectance,
     /// Root mean square of the BTF, or 1 if it is zero: what errors are relative to.
     pub(super) unit: f64,
+    /// Pages without a record.
+    pub(super) pages_not_stored: usize,
     /// What the archive states, in units.
     pub(super) ledger: f64,
     /// Root mean square error of the decoded archive over all samples, in units.
@@ -125,6 +127,12 @@ impl Judge {
             samples: Mipped::new(of_input, CACHE_BYTES)?,
             factors: FactorReflectance::new(archive)?,
             unit,
+            pages_not_stored: archive
+                .index
+                .pages()
+                .iter()
+                .filter(|page| page.length == 0)
+                .count(),
             ledger: measured_rms / unit,
             archive_error: 0.0,
             largest: 0.0,

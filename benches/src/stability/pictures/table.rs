@@ -7,7 +7,7 @@ use super::PictureRow;
 /// A Markdown table with a line for each case, of its worst view, and below it what is broken.
 pub fn pictures_table(rows: &[PictureRow]) -> String {
     let mut text = String::from(
-        "| case | views | archive | picture, worst | in | of its bound | in | rounding | |\n|---|---:|---:|---:|---|---:|---|---:|---|\n",
+        "| case | views | pages not stored | archive | picture, worst | in | of its bound | in | rounding | |\n|---|---:|---:|---:|---:|---|---:|---|---:|---|\n",
     );
     for views in rows.chunk_by(|a, b| a.case == b.case) {
         let worst = |of: fn(&PictureRow) -> Option<f64>| {
@@ -19,9 +19,10 @@ pub fn pictures_table(rows: &[PictureRow]) -> String {
         // Writing to a string cannot fail.
         let _ = writeln!(
             text,
-            "| {} | {} | {:.2e} | {error:.2e} | {error_in} | {of_bound:.3} | {bound_in} | {:.1e} | {} |",
+            "| {} | {} | {} | {:.2e} | {error:.2e} | {error_in} | {of_bound:.3} | {bound_in} | {:.1e} | {} |",
             views[0].case,
             views.len(),
+            views[0].pages_not_stored,
             views[0].ledger,
             worst(|row| row.rounding).0,
             if ok { "ok" } else { "FAIL" },
