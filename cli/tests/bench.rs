@@ -228,3 +228,56 @@ fn memory_quality_gets_better_with_memory_up_to_full_residency() {
     assert!(page.contains("<svg") && page.contains("data:image/png;base64,") && !page.contains("<script"));
     assert!(page.ends_with("</html>\n") && !csv.contains("NaN"));
 }
+
+#[test]
+fn traces_are_replayed_and_reports_compared() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let record = [
+        "bench",
+        "replay",
+        "way.json",
+        "--record",
+        "--materials",
+        "2",
+        "--seconds",
+        "0.2",
+        "--size",
+        "96x54",
+        "--json",
+    ];
+    let recorded = succeed_json(at, &record);
+    assert!(number(&recorded, "/counts/pages") > 0.0);
+    let again = succeed_json(at, &["bench", "replay", "way.json", "--json"]);
+    assert_eq!(again["counts"], recorded["counts"]);
+    assert_eq!(again["differences"].as_array().map(Vec::len), Some(0));
+
+    // A trace that says that something else came of it.
+    let text = fs::read_to_string(at.join("way.json")).unwrap();
+    let changed = text.replace("\"line_bytes\":", "\"line_bytes\":1");
+    fs::write(at.join("way.json"), changed).unwrap();
+    let error = fail(at, &["bench", "replay", "way.json"]);
+    assert!(error.contains("not as it was recorded: line_bytes"), "{error}");
+    let said = succeed(at, &["bench", "replay", "way.json", "--changed"]);
+    assert!(said.contains("| differs | line_bytes"), "{said}");
+
+    fs::write(at.join("a.json"), recorded.to_string()).unwrap();
+    let mut slower = recorded.clone();
+    slower["counts"]["line_bytes"] = (2.0 * number(&recorded, "/counts/line_bytes")).into();
+    fs::write(at.join("b.json"), slower.to_string()).unwrap();
+    let said = succeed(at, &["bench", "compare", "a.json", "b.json"]);
+    assert!(
+        said.contains("| counts.line_bytes |") && said.contains("2.000"),
+        "{said}"
+    );
+    let error = fail(at, &["bench", "compare", "a.json", "b.json", "--fail-over", "5%"]);
+    assert!(
+        error.contains("1 figures became worse by more than 5 %: counts.line_bytes"),
+        "{error}"
+    );
+    // The other way round it is better.
+    succeed(at, &["bench", "compare", "b.json", "a.json", "--fail-over", "5%"]);
+    fs::write(at.join("other.json"), "[{\"name\":\"x\"}]").unwrap();
+    let error = fail(at, &["bench", "compare", "a.json", "other.json"]);
+    assert!(error.contains("no figure in common"), "{error}");
+}

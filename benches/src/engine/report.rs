@@ -101,6 +101,35 @@ fn write(text: &mut String, cases: &[Case]) -> std::fmt::Result {
     }
     writeln!(
         text,
+        "\n| saved: with skipping / without | pages | decodes | kB | ms to load | fetches of groups | ms of a drawn frame | pixels | frames drawn, still | ms of a still frame | ms of feedback |\n|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|"
+    )?;
+    for case in cases {
+        let (skipped, saved) = (&case.skipped, &case.saved);
+        let pair = |[with, without]: [f64; 2]| format!("{with:.2} / {without:.2}");
+        let [fetched, left_out, absent] = skipped.groups;
+        writeln!(
+            text,
+            "| {} | {} / {} | {} / {} | {:.0} / {:.0} | {} | {fetched} / {} | {} | {} / {} | {} / {} | {} | {} |",
+            case.name,
+            skipped.pages_wanted,
+            skipped.pages,
+            saved.stored_pages[0],
+            saved.stored_pages[1],
+            saved.page_bytes[0] as f64 / 1e3,
+            saved.page_bytes[1] as f64 / 1e3,
+            pair(saved.load_ms),
+            fetched + left_out + absent,
+            pair(saved.groups_ms),
+            skipped.pixels - skipped.pixels_empty,
+            skipped.pixels,
+            case.still.drawn,
+            case.still.frames,
+            pair(saved.still_ms),
+            pair(saved.feedback_ms),
+        )?;
+    }
+    writeln!(
+        text,
         "\n| memory | triangles | GPU MiB | host MiB | frames a second, virtual | error left when resident |\n|---|---:|---:|---:|---:|---:|"
     )?;
     for case in cases {
