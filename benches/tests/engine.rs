@@ -41,8 +41,24 @@ fn frames_are_measured_and_a_static_view_does_nothing() {
     // Three frames are too few for pages to arrive for sure.
     assert!(case.motion.frames == 3 && case.motion.cpu_ms.all > 0.0 && case.motion.wall_ms.all > 0.0);
     assert!(case.motion.placed >= case.motion.swapped);
+    let saved = case.saved;
+    assert!(
+        0 < saved.page_bytes[0] && saved.page_bytes[0] < saved.page_bytes[1],
+        "{saved:?}"
+    );
+    assert!(saved.stored_pages[0] <= skipped.pages_wanted && saved.stored_pages[1] <= skipped.pages);
+    assert!(
+        0.0 < saved.load_ms[0] && saved.load_ms[0] < saved.load_ms[1],
+        "{saved:?}"
+    );
+    // A frame that is not drawn takes less than one that is, even here.
+    assert!(
+        0.0 < saved.still_ms[0] && saved.still_ms[0] < saved.still_ms[1],
+        "{saved:?}"
+    );
+    assert!(saved.groups_ms.iter().all(|ms| *ms > 0.0), "{saved:?}");
     let lines = table(&[case]);
-    assert_eq!(lines.matches("tori, 2 materials").count(), 5, "{lines}");
+    assert_eq!(lines.matches("tori, 2 materials").count(), 6, "{lines}");
 }
 
 #[test]

@@ -6,7 +6,7 @@ use std::fs;
 use std::path::Path;
 
 use preprocess::npy::{BtfWriter, Dtype, Sampling};
-use program::{fail, succeed, succeed_json};
+use program::{fail, run, succeed, succeed_json};
 use serde_json::Value;
 use tileset::Direction;
 
@@ -309,4 +309,63 @@ fn everything_goes_into_one_folder() {
     let page = fs::read_to_string(at.join("all/stability.html")).unwrap();
     assert!(page.contains("bench stability --json --report") && page.contains("half"));
     assert!(fail(at, &["bench", "all", "--only", "weather"]).contains("time-error"));
+}
+
+#[test]
+fn traces_are_replayed_and_reports_compared() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let record = [
+        "bench",
+        "replay",
+        "way.json",
+        "--record",
+        "--materials",
+        "2",
+        "--seconds",
+        "0.2",
+        "--size",
+        "96x54",
+        "--json",
+    ];
+    let recorded = succeed_json(at, &record);
+    assert!(number(&recorded, "/counts/pages") > 0.0);
+    let again = succeed_json(at, &["bench", "replay", "way.json", "--json"]);
+    assert_eq!(again["counts"], recorded["counts"]);
+    assert_eq!(again["differences"].as_array().map(Vec::len), Some(0));
+
+    // A trace that says that something else came of it.
+    let text = fs::read_to_string(at.join("way.json")).unwrap();
+    let changed = text.replace("\"line_bytes\":", "\"line_bytes\":1");
+    fs::write(at.join("way.json"), changed).unwrap();
+    // What was found is printed all the same.
+    let refuse = |arguments: &[&str]| {
+        let output = run(at, arguments);
+        assert!(!output.status.success() && !output.stdout.is_empty());
+        String::from_utf8(output.stderr).unwrap()
+    };
+    let error = refuse(&["bench", "replay", "way.json"]);
+    assert!(error.contains("not as it was recorded: line_bytes"), "{error}");
+    let said = succeed(at, &["bench", "replay", "way.json", "--changed"]);
+    assert!(said.contains("| differs | line_bytes"), "{said}");
+
+    fs::write(at.join("a.json"), recorded.to_string()).unwrap();
+    let mut slower = recorded.clone();
+    slower["counts"]["line_bytes"] = (2.0 * number(&recorded, "/counts/line_bytes")).into();
+    fs::write(at.join("b.json"), slower.to_string()).unwrap();
+    let said = succeed(at, &["bench", "compare", "a.json", "b.json"]);
+    assert!(
+        said.contains("| counts.line_bytes |") && said.contains("2.000"),
+        "{said}"
+    );
+    let error = refuse(&["bench", "compare", "a.json", "b.json", "--fail-over", "5%"]);
+    assert!(
+        error.contains("1 figures became worse by more than 5 %: counts.line_bytes"),
+        "{error}"
+    );
+    // The other way round it is better.
+    succeed(at, &["bench", "compare", "b.json", "a.json", "--fail-over", "5%"]);
+    fs::write(at.join("other.json"), "[{\"name\":\"x\"}]").unwrap();
+    let error = fail(at, &["bench", "compare", "a.json", "other.json"]);
+    assert!(error.contains("no figure in common"), "{error}");
 }

@@ -1,15 +1,16 @@
 //! All measurements of one scene.
 
 use std::collections::HashSet;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use engine::frame::{Budgets, Engine, Options};
 use engine::gpu::page_cache::SLOT_BYTES;
 use engine::gpu::{Context, PageFormat, ShadingWork};
+use engine::residency::MaterialId;
 use scenes::Camera;
 use serde::{Deserialize, Serialize};
 
-use super::{Duel, Motion, Stand, Subject};
+use super::{Duel, Motion, Saved, Stand, Subject};
 use crate::{Error, Result};
 
 /// Longest time until a view has settled.
@@ -73,6 +74,9 @@ pub struct Case {
     pub motion: Motion,
     /// Work that was not needed.
     pub skipped: Skipped,
+    /// What that saves.
+    #[serde(default)]
+    pub saved: Saved,
     /// Bytes on the GPU with all resident: caches, tables, meshes, targets.
     pub gpu_bytes: u64,
     /// Bytes of records and decoded pages on the host, likewise.
@@ -115,12 +119,16 @@ pub fn measure(subject: &Subject, plan: &Plan, progress: &dyn Fn(&str)) -> Resul
     let context = Context::headless()?;
     let mut engine = start(context.clone(), subject, plan)?;
     let mut skipped = Skipped::default();
-    let mut resident_rms = 0f64;
+    let (mut resident_rms, mut saved) = (0f64, Saved::default());
+    let watch = Instant::now();
     for (number, camera) in subject.cameras.iter().enumerate() {
         progress(&format!("{}: loading view {}", subject.name, number + 1));
         resident_rms = resident_rms.max(settle(&mut engine, camera)?);
     }
-    pages(&mut engine, &subject.cameras, &mut skipped)?;
+    let load_ms = watch.elapsed().as_secs_f64() * 1e3;
+    pages(&mut engine, &subject.cameras, &mut skipped, &mut saved)?;
+    let all = skipped.pages as f64 / skipped.pages_wanted.max(1) as f64;
+    saved.load_ms = [load_ms, load_ms * all];
     progress(&format!("{}: with and without", subject.name));
     let (duel, vote_bytes) = Duel::measure(&mut engine, &subject.cameras, plan.rounds)?;
     let tiles: u32 = engine
@@ -131,6 +139,8 @@ pub fn measure(subject: &Subject, plan: &Plan, progress: &dyn Fn(&str)) -> Resul
     settle(&mut engine, &last)?;
     progress(&format!("{}: standing still", subject.name));
     let (still, stats) = Stand::measure(&mut engine, &last, plan.static_frames)?;
+    saved.drawing(&mut engine, &last, plan.rounds)?;
+    saved.feedback_ms = [0.0, duel.virtual_ms.feedback];
     let step = subject.cameras.len().div_ceil(COUNTED_VIEWS);
     for camera in subject.cameras.iter().step_by(step) {
         settle(&mut engine, camera)?;
@@ -158,6 +168,7 @@ pub fn measure(subject: &Subject, plan: &Plan, progress: &dyn Fn(&str)) -> Resul
         still,
         motion,
         skipped,
+        saved,
         gpu_bytes: stats.gpu_bytes,
         host_bytes: stats.host_bytes,
     })
@@ -188,7 +199,7 @@ fn settle(engine: &mut Engine, camera: &Camera) -> Result<f64> {
 }
 
 /// Which pages the way wants.
-fn pages(engine: &mut Engine, cameras: &[Camera], skipped: &mut Skipped) -> Result<()> {
+fn pages(engine: &mut Engine, cameras: &[Camera], skipped: &mut Skipped, saved: &mut Saved) -> Result<()> {
     let materials: Vec<_> = engine.material_infos().collect();
     let mut wanted = HashSet::new();
     let mut sum = 0u64;
@@ -213,6 +224,18 @@ fn pages(engine: &mut Engine, cameras: &[Camera], skipped: &mut Skipped) -> Resu
         .iter()
         .map(|info| u64::from(info.groups) * u64::from(info.pyramid.tile_count()))
         .sum();
+    for (id, info) in materials.iter().enumerate() {
+        let tiles = info.pyramid.tile_count() as usize;
+        for (at, &bytes) in info.page_bytes.iter().enumerate() {
+            let tile = info.pyramid.tile_at((at % tiles) as u32);
+            let is_wanted = tile.is_some_and(|tile| wanted.contains(&(MaterialId(id as u16), tile)));
+            // Of those that are wanted, and of all.
+            for which in usize::from(!is_wanted)..2 {
+                saved.page_bytes[which] += u64::from(bytes);
+                saved.stored_pages[which] += u64::from(bytes > 0);
+            }
+        }
+    }
     skipped.pages_wanted_in_a_view = sum as f64 / cameras.len() as f64;
     Ok(())
 }

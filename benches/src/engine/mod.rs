@@ -2,7 +2,7 @@
 //!
 //! - [`Subject`]: a scene, its archives, and the way of a camera; [`built_in`] makes those that run anywhere.
 //! - [`measure`] (`case`) measures one: `duel` draws each view with and without virtual textures, alternately, `motion` flies
-//!   over the scene from an empty cache, `stand` stays where it is.
+//!   over the scene from an empty cache, `stand` stays where it is, `saved` switches kinds of skipping off.
 //! - [`table`](fn@table) shows.
 //!
 //! The baseline is `engine::frame::Engine::draw_resident`: the same renderer and a copy of the same pages and columns, all that the
@@ -15,13 +15,16 @@ mod case;
 mod duel;
 mod motion;
 mod report;
+mod saved;
 mod stand;
 mod subject;
 
 pub use case::{Case, Plan, measure};
 pub use duel::Duel;
 pub use motion::Motion;
-pub use report::{frames, memory, processor, skipped, table};
+pub(crate) use motion::thread_time;
+pub use report::{frames, memory, processor, saved, skipped, table};
+pub use saved::Saved;
 pub use stand::Stand;
 pub use subject::{Archives, Subject, built_in, orbit};
 

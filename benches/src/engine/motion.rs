@@ -51,7 +51,7 @@ impl CpuPhases {
 }
 
 /// The processor time of this thread where the system tells it, the time that passes elsewhere.
-pub(super) fn thread_time() -> Duration {
+pub(crate) fn thread_time() -> Duration {
     #[cfg(target_os = "linux")]
     {
         let time = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);

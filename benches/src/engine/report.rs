@@ -8,9 +8,11 @@ use super::Case;
 const RATIO_GOAL: f64 = 1.10;
 const CPU_GOAL_MS: f64 = 1.0;
 
-/// Four tables in Markdown.
+/// Five tables in Markdown.
 pub fn table(cases: &[Case]) -> String {
-    [frames(cases), processor(cases), skipped(cases), memory(cases)].join("\n")
+    [frames, processor, skipped, saved, memory]
+        .map(|table| table(cases))
+        .join("\n")
 }
 
 fn table_of(write: impl FnOnce(&mut String) -> std::fmt::Result) -> String {
@@ -32,6 +34,11 @@ pub fn processor(cases: &[Case]) -> String {
 /// Work that was not needed.
 pub fn skipped(cases: &[Case]) -> String {
     table_of(|text| write_skipped(text, cases))
+}
+
+/// What is done with skipping and without, and the time that it saves.
+pub fn saved(cases: &[Case]) -> String {
+    table_of(|text| write_saved(text, cases))
 }
 
 /// What takes memory, and frames a second.
@@ -128,6 +135,39 @@ fn write_skipped(text: &mut String, cases: &[Case]) -> std::fmt::Result {
             counters.records_from_host,
             counters.pages_not_stored,
             counters.requests_cancelled,
+        )?;
+    }
+    Ok(())
+}
+
+fn write_saved(text: &mut String, cases: &[Case]) -> std::fmt::Result {
+    writeln!(
+        text,
+        "| saved: with skipping / without | pages | decodes | kB | ms to load | fetches of groups | ms of a drawn frame | pixels | frames drawn, still | ms of a still frame | ms of feedback |\n|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|"
+    )?;
+    for case in cases {
+        let (skipped, saved) = (&case.skipped, &case.saved);
+        let pair = |[with, without]: [f64; 2]| format!("{with:.2} / {without:.2}");
+        let [fetched, left_out, absent] = skipped.groups;
+        writeln!(
+            text,
+            "| {} | {} / {} | {} / {} | {:.0} / {:.0} | {} | {fetched} / {} | {} | {} / {} | {} / {} | {} | {} |",
+            case.name,
+            skipped.pages_wanted,
+            skipped.pages,
+            saved.stored_pages[0],
+            saved.stored_pages[1],
+            saved.page_bytes[0] as f64 / 1e3,
+            saved.page_bytes[1] as f64 / 1e3,
+            pair(saved.load_ms),
+            fetched + left_out + absent,
+            pair(saved.groups_ms),
+            skipped.pixels - skipped.pixels_empty,
+            skipped.pixels,
+            case.still.drawn,
+            case.still.frames,
+            pair(saved.still_ms),
+            pair(saved.feedback_ms),
         )?;
     }
     Ok(())

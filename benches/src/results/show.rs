@@ -10,7 +10,7 @@ use crate::report::Origin;
 use crate::{Error, Result, engine, memory_quality, policy, serve, stream, time_error};
 
 /// Kinds of results: each is a file `KIND.json`.
-pub const KINDS: [&str; 9] = [
+pub const KINDS: [&str; 8] = [
     "codec",
     "engine",
     "factorize",
@@ -74,6 +74,7 @@ impl Kept {
                     ("frames", engine::frames(&cases)),
                     ("processor", engine::processor(&cases)),
                     ("skipped", engine::skipped(&cases)),
+                    ("saved", engine::saved(&cases)),
                     ("memory", engine::memory(&cases)),
                 ];
                 (parts(tables), Vec::new())

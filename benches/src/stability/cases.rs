@@ -237,6 +237,28 @@ fn ranges(shape: Shape) -> Vec<Case> {
             })
         },
         Case {
+            reason: "each sample is of its own size, eleven orders of magnitude apart: few of them are all of the matrix, and their \
+                     spectrum is flat, as that of noise",
+            bounds: Bounds {
+                optimum_ratio: 1.05,
+                ..Bounds::DEFAULT
+            },
+            ..case("samples from 1e-6 to 1e5", shape, |shape| {
+                let mut random = noise(4);
+                let size = |random: f64| 10f64.powf(5.5 * random - 0.5);
+                (0..shape.samples()).map(|_| size(random()) as f32).collect()
+            })
+        },
+        Case {
+            reason: "a mirror's peak in one sample is a component of its own; the rest of the BTF is what rounding leaves beside it",
+            ..case("peak of 1e5 in one sample", shape, |shape| {
+                let mut samples = material(shape);
+                let middle = shape.samples() / 2 + shape.columns() / 2 + shape.width / 2;
+                samples[middle] = 1e5;
+                samples
+            })
+        },
+        Case {
             reason: "the archive scales textures by a power of two, which loses nothing",
             ..case("beyond half floats", shape, |shape| scaled(shape, 1e6))
         },

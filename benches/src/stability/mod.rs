@@ -10,13 +10,14 @@
 //! - what half floats and codec lose, and the ledger of the archive against the truth.
 //!
 //! BTFs with NaN or infinities must first be refused with an error that names the place, and then come out well
-//! repaired. Errors are relative to ‖B‖, or absolute where B is zero.
+//! repaired. Errors are relative to ‖B‖, or absolute where B is zero. [`pictures()`] draws the same cases.
 
 mod bounds;
 mod cases;
 mod generate;
 mod input;
 mod measure;
+mod pictures;
 mod suite;
 mod table;
 
@@ -24,5 +25,6 @@ pub use bounds::Bounds;
 pub use cases::{Case, Harm, Sizes, cases};
 pub use input::{Input, Shape};
 pub use measure::{Measured, RepairMeasured, measure};
+pub use pictures::{PictureRow, pictures, pictures_table};
 pub use suite::{Row, examine, run};
 pub use table::table;

@@ -84,6 +84,20 @@ pub fn examine(case: &Case) -> Result<Row> {
     })
 }
 
+/// The BTF of a case, repaired if it was harmed, and its samples.
+///
+/// # Errors
+/// Those of making and reading it.
+pub(super) fn prepared(case: &Case) -> Result<(Input, Btf)> {
+    let original = case.input();
+    let Some(harm) = &case.harm else {
+        let btf = original.btf(case.name)?;
+        return Ok((original, btf));
+    };
+    let (btf, _) = harm.applied(&original).btf(case.name)?.repaired();
+    Ok((Input::read(case.shape, &btf)?, btf))
+}
+
 /// How the cases are factorized: with all that is usual.
 pub(super) fn settings(components: usize) -> Settings {
     Settings {

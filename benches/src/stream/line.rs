@@ -72,10 +72,10 @@ struct Ends {
 
 /// Both ends of a line: the engine has one, the replay the other.
 #[derive(Clone)]
-pub(super) struct Line(Rc<RefCell<Ends>>);
+pub(crate) struct Line(Rc<RefCell<Ends>>);
 
 impl Line {
-    pub(super) fn new(inner: Box<dyn TileSource>, network: Network) -> Self {
+    pub(crate) fn new(inner: Box<dyn TileSource>, network: Network) -> Self {
         let answers = VecDeque::new();
         Self(Rc::new(RefCell::new(Ends {
             source: NetworkSource::new(AtOnce { inner, answers }, network, SEED),
@@ -84,23 +84,33 @@ impl Line {
     }
 
     /// Time goes on.
-    pub(super) fn advance(&self, time: Duration) {
+    pub(crate) fn advance(&self, time: Duration) {
         self.0.borrow_mut().source.advance(time);
     }
 
-    pub(super) fn stats(&self) -> NetworkStats {
+    pub(crate) fn stats(&self) -> NetworkStats {
         self.0.borrow().source.network_stats()
     }
 
     /// Bytes that the line has carried to where somebody polled them, or wanted to.
-    pub(super) fn bytes(&self) -> u64 {
+    pub(crate) fn bytes(&self) -> u64 {
         let stats = self.stats();
         stats.delivered_bytes + stats.wasted_bytes
     }
 
     /// What was asked for and came, with its bytes.
-    pub(super) fn came(&self) -> Vec<(Request, u64)> {
-        self.0.borrow().came.clone()
+    pub(crate) fn came(&self) -> Vec<(Request, u64)> {
+        self.came_since(0)
+    }
+
+    /// Forgets what came, for those who go on without an end.
+    pub(crate) fn forget(&self) {
+        self.0.borrow_mut().came.clear();
+    }
+
+    /// The same without the first `count`.
+    pub(crate) fn came_since(&self, count: usize) -> Vec<(Request, u64)> {
+        self.0.borrow().came[count..].to_vec()
     }
 }
 

@@ -17,6 +17,7 @@ mod run;
 mod slots;
 mod truth;
 
+pub(crate) use line::Line;
 pub use order::Contender;
 pub use plot::plot;
 pub use replay::{Mark, Point, Replay};

@@ -164,7 +164,7 @@ fn networks(arguments: &Arguments) -> Vec<NamedNetwork> {
 }
 
 /// A name, or megabits a second, milliseconds, and loss.
-fn parse_network(text: &str) -> Result<NamedNetwork, String> {
+pub(super) fn parse_network(text: &str) -> Result<NamedNetwork, String> {
     if let Some(network) = Network::named(text) {
         let name = text.to_owned();
         return Ok(NamedNetwork { name, network });

@@ -53,6 +53,11 @@ impl Viewed {
         Ok(Archives::At(tiles, self.cache.open_options()?))
     }
 
+    /// Where archives are, if that is given.
+    pub(super) fn tiles(&self) -> Option<String> {
+        self.tiles.clone()
+    }
+
     /// Whether a camera path is given.
     pub(super) fn has_path(&self) -> bool {
         self.camera.is_some()
