@@ -16,7 +16,7 @@ fn memory_stays_budgets_hold_and_the_picture_is_right() {
     let endured = endure(&plan, &|_| ()).unwrap();
     let text = table(&endured);
     println!("{text}");
-    assert!(endured.broken.is_empty(), "\n{text}");
+    assert!(endured.broken.is_empty(), "{:#?}\n{text}", endured.broken);
     assert!(endured.difference < 2e-3, "\n{text}");
     let [tenth, end] = endured.resident_bytes.expect("the system tells");
     assert!(end < tenth + MAX_GROWTH_BYTES, "\n{text}");

@@ -208,7 +208,7 @@ fn from_nothing_to_a_picture() {
         let picture = image::open(at.join("first").join(format!("overlay_{name}.png"))).unwrap();
         assert!(picture.width() == 160 && picture != settled);
     }
-    // The same records end in the caches. Their bytes are the same, too; how many heads of answers come with them
+    // The same records end in the caches. Nearly the same bytes come; how many heads of answers and early records are among them
     // depends on what had come when a request left.
     let last = |statistics: &Value| statistics["settling"].as_array().unwrap().last().unwrap().clone();
     let (first, second) = (last(&first), last(&second));
@@ -217,7 +217,7 @@ fn from_nothing_to_a_picture() {
     }
     let bytes = [&first, &second].map(|last| number(last, "/wire_bytes_total"));
     assert!(
-        (bytes[0] / bytes[1] - 1.0).abs() < 0.05,
+        (0.8..1.25).contains(&(bytes[0] / bytes[1])),
         "{bytes:?} bytes over the wire"
     );
 

@@ -114,6 +114,8 @@ pub fn endure(plan: &Plan, progress: &dyn Fn(&str)) -> Result<Endured> {
     let mut wander = Wander::new([low, high], subject.cameras[0]);
     let frames = ((plan.minutes * 60.0 * FRAMES_PER_SECOND) as usize).max(20);
     let mut watch = Watch::new();
+    // All shaders are compiled once a view has settled: what memory is compared with includes them.
+    settled(&mut engine, &line, &subject.cameras[0], &mut watch)?;
     // Clear while the indices come: an archive that cannot be had is given up, as a program would be told.
     let (mut weather, mut left) = (Weather::Clear, 10.0);
     let mut of_kind = Weather::ALL.map(|weather| (weather, 0.0));

@@ -127,7 +127,7 @@ fn row(context: &Context, plan: &Plan, materials: usize, side: u32) -> Result<Ro
         tiles: u64::from(tiles) * materials as u64,
         archive_bytes: bytes.len() as u64,
         index_bytes,
-        gpu_bytes: first.gpu_bytes.saturating_sub(plan.cache_bytes.iter().sum()),
+        gpu_bytes: first.gpu_bytes.saturating_sub(cache_bytes(&engine)),
         host_bytes: first.host_bytes,
         resident_bytes: resident,
         known_ms,
@@ -150,6 +150,12 @@ fn cpu(engine: &mut Engine, cameras: impl Iterator<Item = Camera>) -> Result<[f6
         submit.push(ms.draw);
     }
     Ok([median(&mut work), median(&mut submit)])
+}
+
+/// Bytes of both caches, which are no larger than all that could be in them.
+fn cache_bytes(engine: &Engine) -> u64 {
+    let (columns, column_bytes) = engine.column_slots();
+    engine.cache_map().pages.len() as u64 * PageFormat::Half.slot_bytes() + u64::from(columns) * column_bytes
 }
 
 /// Shared by all who have it.

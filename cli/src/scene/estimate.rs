@@ -51,8 +51,8 @@ impl Estimate {
             estimate.seconds += (styles * (trace + factorize) + code) / cores;
             estimate.archive_bytes +=
                 components * (PAGE_BYTES * texels + COLUMN_BYTES * 3.0 * directions * directions);
-            // Factors, their orthonormal form, and what the coder holds; samples of known texels.
-            let memory = texels * components * 16.0 + known * 12.0;
+            // Factors, their orthonormal form, and what the coder holds, for each style; samples of known texels.
+            let memory = texels * components * 17.0 * styles + known * 12.0;
             estimate.memory_bytes = estimate.memory_bytes.max(memory);
         }
         estimate
