@@ -28,7 +28,7 @@ pub(super) fn factors(
     for passes in PASSES {
         let with = Settings {
             passes,
-            ..settings.clone()
+            ..*settings
         };
         let mut made = None;
         let times = alternate(rounds, |which| {
