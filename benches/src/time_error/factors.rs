@@ -26,10 +26,7 @@ pub(super) fn factors(
 ) -> Result<Family> {
     let mut points = Vec::new();
     for passes in PASSES {
-        let with = Settings {
-            passes,
-            ..*settings
-        };
+        let with = Settings { passes, ..*settings };
         let mut made = None;
         let times = alternate(rounds, |which| {
             let began = Instant::now();
