@@ -17,8 +17,9 @@ let engine;
 /** Loads the engine, once; viewers do that themselves when they need it. */
 export function preload() {
   engine ??= (async () => {
-    // Both at once.
-    const code = fetch(new URL("engine_bg.wasm", import.meta.url));
+    // Both at once. A page may have asked already; what it got can be read once.
+    const code = globalThis.eigentileEngine ?? fetch(new URL("engine_bg.wasm", import.meta.url));
+    globalThis.eigentileEngine = undefined;
     code.catch(() => {}); // told below
     const module = await import("./engine.js");
     await module.default({ module_or_path: code });

@@ -79,6 +79,7 @@ pub(crate) fn chart(axes: &Axes<'_>, series: &[Series], mark: Option<(f64, f64)>
         "middle",
         axes.x,
     );
+    let mut written = Vec::new();
     for series in series {
         let mut path = String::new();
         for (at, point) in series.points.iter().enumerate() {
@@ -101,7 +102,18 @@ pub(crate) fn chart(axes: &Axes<'_>, series: &[Series], mark: Option<(f64, f64)>
                 } else {
                     (x + 7.0, "start")
                 };
-                text(&mut svg, x, y - 5.0, anchor, label);
+                let wide = 6.2 * label.chars().count() as f64;
+                let left = if anchor == "end" { x - wide } else { x };
+                // Above the point, or below it; a label that would cover others in both places is left out.
+                let free = [y - 5.0, y + 14.0].into_iter().find(|&y| {
+                    written.iter().all(|&(from, to, at): &(f64, f64, f64)| {
+                        to < left || left + wide < from || (at - y).abs() > 11.0
+                    })
+                });
+                if let Some(y) = free {
+                    written.push((left, left + wide, y));
+                    text(&mut svg, x, y, anchor, label);
+                }
             }
         }
         if !series.hollow {

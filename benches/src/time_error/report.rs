@@ -148,7 +148,7 @@ fn of_family(family: &Family) -> String {
     };
     let default = &family.points[family.default];
     let title = format!(
-        "{}: relative RMSE against {}",
+        "{}: relative RMSE to {}",
         family.knob.title(),
         family.knob.error()
     );

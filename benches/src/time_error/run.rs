@@ -32,7 +32,7 @@ pub enum Input {
 /// Measures all knobs; with `settings`, whose passes are the knob, the BTF is factorized. `progress` gets words on what is next.
 ///
 /// # Errors
-/// Those of [`pictures`], of reading and factorizing the BTF, and of coding its factors.
+/// Those of drawing, of reading and factorizing the BTF, and of coding its factors.
 pub fn measure(input: Input, plan: &Plan, settings: &Settings, progress: &dyn Fn(&str)) -> Result<Results> {
     let folder = tempfile::tempdir().map_err(Error::io(&std::env::temp_dir(), "make a folder in"))?;
     let folder = folder.path();
