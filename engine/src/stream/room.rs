@@ -16,11 +16,13 @@ impl Room {
         }
     }
 
-    /// The same budget, of which somebody else has counted what is used.
+    /// The same budget, of which somebody else has counted what is used: the disk cache, which browsers do not have.
+    #[cfg(not(target_arch = "wasm32"))]
     pub(super) fn with_used(self, used_bytes: u64) -> Self {
         Self { used_bytes, ..self }
     }
 
+    #[cfg(not(target_arch = "wasm32"))]
     pub(super) fn budget_bytes(&self) -> u64 {
         self.budget_bytes
     }
