@@ -29,6 +29,7 @@ pub mod engine;
 mod error;
 pub mod factorize;
 mod kept;
+mod memory;
 pub mod memory_quality;
 mod npy;
 pub mod policy;

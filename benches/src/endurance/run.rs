@@ -16,6 +16,7 @@ use super::line::Watched;
 use super::wander::Wander;
 use super::weather::Weather;
 use crate::engine::{Archives, Subject, built_in};
+use crate::memory::resident_bytes;
 use crate::{Error, Result};
 
 /// Frames that stand for a second.
@@ -142,13 +143,13 @@ pub fn endure(plan: &Plan, progress: &dyn Fn(&str)) -> Result<Endured> {
             ));
         }
         if frame == frames / 10 {
-            at_a_tenth = resident_bytes();
+            at_a_tenth = resident_bytes("self");
         }
     }
     line.set_faults(Weather::Clear.faults());
     let last = subject.cameras[0];
     let picture = settled(&mut engine, &line, &last, &mut watch)?;
-    let resident_bytes = at_a_tenth.zip(resident_bytes()).map(<[u64; 2]>::from);
+    let resident_bytes = at_a_tenth.zip(resident_bytes("self")).map(<[u64; 2]>::from);
     let seconds = begin.elapsed().as_secs_f64();
     let calm = watched(&subject, plan.seed)?;
     let mut other = start(&context, &subject, &calm, plan)?;
@@ -300,14 +301,6 @@ impl Watch {
         self.placed += placed;
         self.swapped += u64::from(stats.swapped);
     }
-}
-
-/// Resident memory of this process.
-fn resident_bytes() -> Option<u64> {
-    let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"))?;
-    let kib: u64 = line.split_whitespace().next()?.parse().ok()?;
-    Some(kib << 10)
 }
 
 fn relative_difference(a: &Picture, b: &Picture) -> f64 {

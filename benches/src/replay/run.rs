@@ -2,14 +2,14 @@
 
 use std::time::Duration;
 
-use engine::frame::{Budgets, Engine, Options};
-use engine::gpu::{Context, PageFormat};
+use engine::frame::Engine;
+use engine::gpu::Context;
 use serde::Serialize;
 
 use super::counts::Counting;
 use super::{Counts, Trace};
 use crate::engine::{Subject, median, thread_time};
-use crate::stream::Line as SimulatedLine;
+use crate::stream::{Line as SimulatedLine, repeatable};
 use crate::{Error, Result};
 
 /// Frames in a second of simulated time: what the engine counts by.
@@ -73,18 +73,7 @@ pub fn replay(trace: &Trace, rounds: usize, progress: &dyn Fn(&str)) -> Result<R
 /// One round: its counts, and the median of the frames' milliseconds.
 fn once(trace: &Trace, subject: &Subject, context: &Context) -> Result<(Counts, f64)> {
     let line = SimulatedLine::new(subject.archives.source()?, trace.line.into());
-    let options = Options {
-        size: trace.size,
-        budgets: Budgets {
-            page_cache_bytes: trace.page_cache_bytes,
-            column_cache_bytes: trace.column_cache_bytes,
-            ..Budgets::default()
-        },
-        page_format: Some(PageFormat::Half),
-        // In every frame the same happens, by the same clock.
-        wait: true,
-        ..Options::default()
-    };
+    let options = repeatable(trace.size, trace.page_cache_bytes, trace.column_cache_bytes);
     let mut engine = Engine::new(context.clone(), &subject.scene, Box::new(line.clone()), options)?;
     engine.time_with(thread_time);
     let mut counting = Counting::new();

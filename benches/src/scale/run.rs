@@ -12,6 +12,7 @@ use tileset::Archive;
 
 use super::archive;
 use crate::engine::{median, thread_time};
+use crate::memory::resident_bytes;
 use crate::{Error, Result};
 
 /// Longest time until all has settled.
@@ -97,7 +98,7 @@ fn row(context: &Context, plan: &Plan, materials: usize, side: u32) -> Result<Ro
         source.insert(&name(material), bytes.clone())?;
     }
     let scene = scene(materials);
-    let before = resident_bytes();
+    let before = resident_bytes("self");
     let begin = Instant::now();
     let mut engine = Engine::new(context.clone(), &scene, Box::new(source), options(plan))?;
     engine.wait_for_materials(LIMIT)?;
@@ -113,7 +114,7 @@ fn row(context: &Context, plan: &Plan, materials: usize, side: u32) -> Result<Ro
     let first = settled(engine.settle(&camera(0.0), LIMIT)?)?;
     let settled_ms = begin.elapsed().as_secs_f64() * 1e3;
     let resident = before
-        .zip(resident_bytes())
+        .zip(resident_bytes("self"))
         .map(|(before, after)| after.saturating_sub(before));
     engine.time_with(thread_time);
     let count = plan.frames.max(1);
@@ -229,12 +230,4 @@ fn camera(time: f32) -> Camera {
         fov_y: 0.7,
         near: 0.01,
     }
-}
-
-/// Resident memory of this process.
-fn resident_bytes() -> Option<u64> {
-    let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"))?;
-    let kib: u64 = line.split_whitespace().next()?.parse().ok()?;
-    Some(kib << 10)
 }

@@ -10,6 +10,7 @@ use std::{
 };
 
 use super::files::Site;
+use crate::memory::resident_bytes;
 use crate::{Error, Result};
 
 /// Time for a host to listen.
@@ -115,10 +116,10 @@ impl Host {
 
     /// Memory of its processes in bytes; 0 where the system does not tell.
     pub(super) fn resident_bytes(&self) -> u64 {
-        let id = self.child.id();
-        let children = fs::read_to_string(format!("/proc/{id}/task/{id}/children")).unwrap_or_default();
-        let ids = children.split_whitespace().filter_map(|id| id.parse().ok());
-        ids.chain([id]).map(resident).sum()
+        let own = self.child.id().to_string();
+        let children = fs::read_to_string(format!("/proc/{own}/task/{own}/children")).unwrap_or_default();
+        let ids = children.split_whitespace().chain([own.as_str()]);
+        ids.filter_map(resident_bytes).sum()
     }
 }
 
@@ -147,13 +148,6 @@ fn nginx() -> Command {
     } else {
         Path::new("nginx")
     })
-}
-
-fn resident(id: u32) -> u64 {
-    let status = fs::read_to_string(format!("/proc/{id}/status")).unwrap_or_default();
-    let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"));
-    let kib = line.and_then(|line| line.split_whitespace().next()?.parse::<u64>().ok());
-    kib.unwrap_or(0) << 10
 }
 
 pub(super) fn failed(program: &'static str, detail: String) -> Error {

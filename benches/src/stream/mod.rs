@@ -22,4 +22,5 @@ pub use order::Contender;
 pub use plot::plot;
 pub use replay::{Mark, Point, Replay};
 pub use report::{moving, still, table};
+pub(crate) use run::repeatable;
 pub use run::{NamedNetwork, Plan, Results, Way, close_up, measure, near_objects, views};

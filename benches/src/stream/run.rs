@@ -98,18 +98,7 @@ pub fn measure(subject: &Subject, plan: &Plan, progress: &dyn Fn(&str)) -> Resul
         });
     };
     let context = Context::headless()?;
-    let options = Options {
-        size: plan.size,
-        budgets: Budgets {
-            page_cache_bytes: plan.page_cache_bytes,
-            column_cache_bytes: plan.column_cache_bytes,
-            ..Budgets::default()
-        },
-        page_format: Some(PageFormat::Half),
-        // In every frame the same happens, by the same clock.
-        wait: true,
-        ..Options::default()
-    };
+    let options = repeatable(plan.size, plan.page_cache_bytes, plan.column_cache_bytes);
     progress("settled views");
     let mut cameras = vec![first];
     let step = subject.cameras.len().div_ceil(MOVING_VIEWS).max(1);
@@ -185,4 +174,19 @@ pub fn close_up(materials: usize, views: usize) -> Result<Subject> {
         camera.eye = camera.target + NEAR * (camera.eye - camera.target);
     }
     Ok(subject)
+}
+
+/// Options with which the same happens in every frame, by the same clock, however fast the machine is.
+pub(crate) fn repeatable(size: (u32, u32), page_cache_bytes: u64, column_cache_bytes: u64) -> Options {
+    Options {
+        size,
+        budgets: Budgets {
+            page_cache_bytes,
+            column_cache_bytes,
+            ..Budgets::default()
+        },
+        page_format: Some(PageFormat::Half),
+        wait: true,
+        ..Options::default()
+    }
 }
