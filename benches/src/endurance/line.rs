@@ -12,31 +12,6 @@ use tileset::archive::Index;
 use crate::stream::Line;
 use crate::{Error, Result};
 
-/// Faults that can be changed while the network has the source.
-#[derive(Clone)]
-struct Fickle(Rc<RefCell<FaultySource<MemorySource>>>);
-
-impl TileSource for Fickle {
-    fn capacity(&self) -> usize {
-        self.0.borrow().capacity()
-    }
-    fn in_flight(&self) -> usize {
-        self.0.borrow().in_flight()
-    }
-    fn submit(&mut self, request: Request) -> Option<Ticket> {
-        self.0.borrow_mut().submit(request)
-    }
-    fn cancel(&mut self, ticket: Ticket) {
-        self.0.borrow_mut().cancel(ticket);
-    }
-    fn poll(&mut self) -> Option<Answer> {
-        self.0.borrow_mut().poll()
-    }
-    fn wait(&mut self, limit: Duration) {
-        self.0.borrow_mut().wait(limit);
-    }
-}
-
 #[derive(Default)]
 struct Flying {
     open: HashMap<Ticket, u64>,
@@ -49,7 +24,8 @@ struct Flying {
 #[derive(Clone)]
 pub(super) struct Watched {
     line: Line,
-    faulty: Fickle,
+    /// Its faults change while the network has it.
+    faulty: Rc<RefCell<FaultySource<MemorySource>>>,
     indices: Rc<HashMap<String, Index>>,
     flying: Rc<RefCell<Flying>>,
 }
@@ -71,11 +47,8 @@ impl Watched {
             let opened = Archive::open(bytes.clone()).map_err(Error::archive(name.as_ref()))?;
             indices.insert(name.clone(), opened.index);
         }
-        let faulty = Fickle(Rc::new(RefCell::new(FaultySource::new(
-            memory,
-            Faults::default(),
-            seed,
-        ))));
+        let faulty = FaultySource::new(memory, Faults::default(), seed);
+        let faulty = Rc::new(RefCell::new(faulty));
         Ok(Self {
             line: Line::new(Box::new(faulty.clone()), network),
             faulty,
@@ -85,7 +58,7 @@ impl Watched {
     }
 
     pub(super) fn set_faults(&self, faults: Faults) {
-        self.faulty.0.borrow_mut().set_faults(faults);
+        self.faulty.borrow_mut().set_faults(faults);
     }
 
     pub(super) fn advance(&self, time: Duration) {

@@ -9,7 +9,7 @@ use anyhow::{Context as _, Result, ensure};
 use engine::frame::{Engine, FrameStats};
 use engine::gpu::Context;
 use engine::metrics::{Comparison, compare};
-use engine::stream::{Answer, HttpOptions, HttpSource, Network, NetworkSource, Request, Ticket, TileSource};
+use engine::stream::{HttpOptions, HttpSource, Network, NetworkSource, TileSource};
 use scenes::lone::Shape;
 use scenes::{Camera, CameraPath, Scene};
 use serde::Serialize;
@@ -124,24 +124,21 @@ impl Studio<'_> {
             bits_per_second: 8_000_000,
             ..Network::default()
         };
-        let line = Line(Rc::new(RefCell::new(NetworkSource::new(
-            self.http()?,
-            network,
-            0,
-        ))));
+        // The engine has one end of it, and the demo a hand on the valve.
+        let line = Rc::new(RefCell::new(NetworkSource::new(self.http()?, network, 0)));
         let mut engine = self.engine(cache_bytes, Box::new(line.clone()), self.size)?;
         let bar = progress::bar("refinement (bytes)", total_bytes, self.quiet);
         let mut shots = Vec::new();
         for share in SHARES {
             let target = total_bytes * u64::from(share) / 100;
             // A few frames from one picture to the next.
-            let step = target.saturating_sub(line.0.borrow().network_stats().delivered_bytes) / STEPS + 1;
+            let step = target.saturating_sub(line.borrow().network_stats().delivered_bytes) / STEPS + 1;
             let stats = loop {
-                let delivered = line.0.borrow().network_stats().delivered_bytes;
-                line.0.borrow_mut().advance(Duration::from_micros(step));
+                let delivered = line.borrow().network_stats().delivered_bytes;
+                line.borrow_mut().advance(Duration::from_micros(step));
                 let stats = engine.frame(&self.camera)?;
-                bar.set_position(line.0.borrow().network_stats().delivered_bytes);
-                let arrived = line.0.borrow().network_stats().delivered_bytes;
+                bar.set_position(line.borrow().network_stats().delivered_bytes);
+                let arrived = line.borrow().network_stats().delivered_bytes;
                 if stats.settled || (arrived >= target && share < 100) {
                     break stats;
                 }
@@ -151,7 +148,7 @@ impl Studio<'_> {
                     PATIENCE.as_secs()
                 );
                 if arrived == delivered {
-                    line.0.borrow_mut().wait(PAUSE);
+                    line.borrow_mut().wait(PAUSE);
                 }
             };
             let (file, label) = (
@@ -216,35 +213,5 @@ impl Studio<'_> {
             seconds: start.elapsed().as_secs_f64(),
             quality,
         })
-    }
-}
-
-/// A slow line of which the demo keeps a hand on the valve.
-#[derive(Clone)]
-struct Line(Rc<RefCell<NetworkSource<HttpSource>>>);
-
-impl TileSource for Line {
-    fn capacity(&self) -> usize {
-        self.0.borrow().capacity()
-    }
-
-    fn in_flight(&self) -> usize {
-        self.0.borrow().in_flight()
-    }
-
-    fn submit(&mut self, request: Request) -> Option<Ticket> {
-        self.0.borrow_mut().submit(request)
-    }
-
-    fn cancel(&mut self, ticket: Ticket) {
-        self.0.borrow_mut().cancel(ticket);
-    }
-
-    fn poll(&mut self) -> Option<Answer> {
-        self.0.borrow_mut().poll()
-    }
-
-    fn wait(&mut self, limit: Duration) {
-        self.0.borrow_mut().wait(limit);
     }
 }

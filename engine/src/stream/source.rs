@@ -1,6 +1,6 @@
 //! The contract of a source: requests in, answers out, without waiting.
 
-use std::{fmt, sync::Arc, time::Duration};
+use std::{cell::RefCell, fmt, rc::Rc, sync::Arc, time::Duration};
 
 use bytes::Bytes;
 use tileset::archive::{Index, Record};
@@ -154,5 +154,36 @@ impl<S: TileSource + ?Sized> TileSource for Box<S> {
     }
     fn stats(&self) -> SourceStats {
         (**self).stats()
+    }
+}
+
+/// A source that its user keeps a hand on, while something else asks of it.
+impl<S: TileSource + ?Sized> TileSource for Rc<RefCell<S>> {
+    fn capacity(&self) -> usize {
+        self.borrow().capacity()
+    }
+    fn in_flight(&self) -> usize {
+        self.borrow().in_flight()
+    }
+    fn submit(&mut self, request: Request) -> Option<Ticket> {
+        self.borrow_mut().submit(request)
+    }
+    fn cancel(&mut self, ticket: Ticket) {
+        self.borrow_mut().cancel(ticket);
+    }
+    fn poll(&mut self) -> Option<Answer> {
+        self.borrow_mut().poll()
+    }
+    fn wait(&mut self, limit: Duration) {
+        self.borrow_mut().wait(limit);
+    }
+    fn submit_anew(&mut self, request: Request) -> Option<Ticket> {
+        self.borrow_mut().submit_anew(request)
+    }
+    fn origin(&self) -> String {
+        self.borrow().origin()
+    }
+    fn stats(&self) -> SourceStats {
+        self.borrow().stats()
     }
 }
