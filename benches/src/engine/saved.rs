@@ -35,12 +35,12 @@ impl Saved {
     pub(super) fn drawing(&mut self, engine: &mut Engine, camera: &Camera, rounds: usize) -> Result<()> {
         let (error, stops) = (engine.options().component_error, engine.options().exposure_stops);
         let mut times: [Vec<f64>; 3] = Default::default();
-        for round in 0..rounds.max(LEAST_ROUNDS) {
+        for _ in 0..rounds.max(LEAST_ROUNDS) {
             for (which, error) in [error, 0.0].into_iter().enumerate() {
                 engine.set_component_error(error)?;
                 timed(engine, camera)?;
-                // Another exposure needs another picture, and nothing else.
-                engine.set_exposure_stops(stops + (1 + round % 2) as f32);
+                // Another exposure than that of the frame before needs another picture, and nothing else.
+                engine.set_exposure_stops(stops + (1 + which) as f32);
                 times[which].push(timed(engine, camera)?);
             }
             times[2].push(timed(engine, camera)?);
