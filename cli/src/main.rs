@@ -17,6 +17,7 @@ mod progress;
 mod render;
 mod scene;
 mod serve;
+mod subject;
 mod synth;
 mod view;
 

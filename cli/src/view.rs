@@ -1,16 +1,17 @@
 //! `eigentile view`: a window onto a scene, or onto one archive.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use anyhow::{Context as _, Result};
 use clap::Args;
 use engine::frame::Options;
 use scenes::CameraPath;
-use viewer::{Link, Subject};
+use viewer::Link;
 use window::{Save, Show};
 
 use crate::cache::CacheArguments;
-use crate::render::{budgeted, choices::Choices, own_folder, parse_size, picture};
+use crate::render::{budgeted, choices::Choices, parse_size, picture};
+use crate::subject::{self, Named};
 
 /// Look at a scene or a material in a window while it streams.
 #[derive(Args)]
@@ -76,7 +77,13 @@ const SAVE: Save = Save {
 };
 
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
-    let (subject, title, tiles) = subject(arguments)?;
+    let Named {
+        subject,
+        name,
+        tiles,
+        notes,
+    } = subject::open(&arguments.subject, arguments.tiles.as_deref())?;
+    notes.iter().for_each(|note| eprintln!("note: {note}"));
     let cache_bytes = arguments
         .cache_mib
         .checked_mul(1 << 20)
@@ -92,7 +99,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     // What is wrong with what was typed is said before a window opens.
     drop(open()?);
     window::run(Show {
-        title,
+        title: name,
         subject,
         open: Box::new(open),
         options,
@@ -103,35 +110,4 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         panel: !arguments.no_panel,
         events: arguments.events,
     })
-}
-
-/// What is shown, its name, and where its archives are.
-fn subject(arguments: &Arguments) -> Result<(Subject, String, String)> {
-    let path = &arguments.subject;
-    let name = path
-        .file_stem()
-        .and_then(|name| name.to_str())
-        .with_context(|| format!("{}: not a name in UTF-8", path.display()))?
-        .to_owned();
-    let is = |extension: &str| {
-        path.extension()
-            .is_some_and(|given| given.eq_ignore_ascii_case(extension))
-    };
-    let lone = is("bsvtf") || (arguments.tiles.is_some() && path.extension().is_none());
-    let tiles = arguments.tiles.clone().map_or_else(|| own_folder(path), Ok)?;
-    if lone {
-        if arguments.tiles.is_none() {
-            check_there(path)?;
-        }
-        return Ok((Subject::Archive(name.clone()), name, tiles));
-    }
-    let scenes::gltf::Loaded { scene, notes } = scenes::gltf::open(path)?;
-    notes.iter().for_each(|note| eprintln!("note: {note}"));
-    Ok((Subject::Scene(scene), name, tiles))
-}
-
-fn check_there(path: &Path) -> Result<()> {
-    std::fs::File::open(path)
-        .map(drop)
-        .with_context(|| format!("{}: give an archive, or --tiles and its name", path.display()))
 }

@@ -196,6 +196,21 @@ fn from_nothing_to_a_picture() {
     assert!(flip > 0.0 && flip < 0.2, "{}", first["quality"]);
     assert_eq!(first["problems"], serde_json::json!([]));
     let settled = image::open(at.join("first/settled.png")).unwrap();
+    // The archive alone, from its file and by its name.
+    for (subject, tiles) in [
+        ("tiles/leather.bsvtf", None),
+        ("leather", Some(server.address.as_str())),
+    ] {
+        let mut words = vec![
+            "render", subject, "--shape", "sphere", "--size", "80x60", "-o", "lone", "--json",
+        ];
+        words.extend(tiles.into_iter().flat_map(|tiles| ["--tiles", tiles]));
+        let lone = succeed_json(at, &words);
+        assert_eq!(lone["problems"], serde_json::json!([]));
+        let picture = image::open(at.join("lone/settled.png")).unwrap().to_rgb8();
+        let colors: std::collections::HashSet<_> = picture.pixels().collect();
+        assert!(colors.len() > 100, "{subject}: {} colours", colors.len());
+    }
     for (overlay, name) in ["mip", "skipped"].into_iter().enumerate() {
         let overlaid = &first["overlays"][overlay];
         assert_eq!(overlaid["file"], format!("overlay_{name}.png"));

@@ -46,6 +46,14 @@ fn failures_are_one_clear_line() {
         (&["render", "absent.gltf", "-o", "out"], &["absent.gltf"]),
         (&["render", "text.gltf", "-o", "out"], &["text.gltf"]),
         (
+            &["render", "absent.bsvtf", "-o", "out"],
+            &["absent.bsvtf", "--tiles"],
+        ),
+        (
+            &["render", "text.bsvtf", "-o", "out", "--shape", "cube"],
+            &["cube", "sphere"],
+        ),
+        (
             &["render", "swatch.gltf", "-o", "out", "--camera", "path.json"],
             &["path.json", "0 keys"],
         ),

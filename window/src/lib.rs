@@ -19,7 +19,7 @@ mod surface;
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context as _, Result};
+use anyhow::{Context as _, Result, anyhow};
 use engine::{frame::Options, metrics::Picture, stream::TileSource};
 use scenes::CameraPath;
 use viewer::{Link, Subject};
@@ -69,9 +69,13 @@ pub struct Show {
 /// # Errors
 /// If there is no display or no graphics adapter, what is to be shown cannot be, or the device fails.
 pub fn run(show: Show) -> Result<()> {
-    let event_loop = EventLoop::new().context(
-        "there is no display to open a window on; `eigentile render` draws without one (on a server: xvfb-run)",
-    )?;
+    // What winit says names its own source.
+    let event_loop = EventLoop::new().map_err(|_| {
+        anyhow!(
+            "there is no display to open a window on: neither WAYLAND_DISPLAY nor DISPLAY names one that answers; \
+             `eigentile render` draws without a window (on a server: xvfb-run)"
+        )
+    })?;
     let mut app = app::App::new(show);
     event_loop.run_app(&mut app).context("the window has failed")?;
     app.finish()

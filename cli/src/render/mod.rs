@@ -15,10 +15,12 @@ use engine::angular::Angular;
 use engine::frame::{Budgets, Counters, Engine, FrameStats, Options};
 use engine::gpu::{Context, PageFormat};
 use engine::stream::{self, SourceStats};
-use scenes::{Camera, CameraPath, Scene};
+use scenes::{Camera, CameraPath, Scene, Shape};
 use serde::Serialize;
+use viewer::Subject;
 
 use crate::cache::CacheArguments;
+use crate::subject::{self, Named};
 use crate::{bytes, file, progress};
 pub(crate) use ledger::Ledgers;
 pub(crate) use reference::Quality;
@@ -27,13 +29,16 @@ pub(crate) use reference::Quality;
 #[derive(Args)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct Arguments {
-    /// Scene: .gltf or .glb; docs/scenes.md says how materials name BTFs.
-    #[arg(value_name = "SCENE.gltf")]
+    /// Scene (.gltf or .glb; docs/scenes.md says how materials name BTFs), or one archive (.bsvtf).
+    #[arg(value_name = "SCENE.gltf|X.bsvtf")]
     scene: PathBuf,
     /// Tile server (http://HOST:PORT), folder of archives on any web server (http://HOST/FOLDER), or folder on disk;
-    /// without it the scene's own folder.
+    /// without it the folder of the scene or archive. With it, an archive may be just its name.
     #[arg(long, value_name = "URL|DIR")]
     tiles: Option<String>,
+    /// What a lone archive is shown on: plane, sphere, cylinder or cloth.
+    #[arg(long, value_name = "SHAPE", default_value = "plane", value_parser = parse_shape)]
+    shape: Shape,
     #[command(flatten)]
     cache: CacheArguments,
     /// Camera path; without it the scene's first camera, or one that shows everything.
@@ -76,6 +81,7 @@ Examples:
   eigentile render scene.gltf --tiles tiles -o pictures
   eigentile render scene.gltf --tiles http://127.0.0.1:8080 --camera flight.json --frames 120 -o pictures
   eigentile render scene.gltf --tiles http://example.org/btf/ --cache default -o pictures
+  eigentile render tiles/leather.bsvtf --shape cloth -o pictures
   eigentile render scene.gltf --tiles tiles --cache-mib 16 -o pictures --reference npy --stats stats.json
   eigentile render scene.gltf --tiles tiles --cache-mib 4 --overlay mip,error -o pictures
   eigentile render scene.gltf --tiles tiles --cache-mib 4 --page-format byte --angular hemisphere -o pictures
@@ -125,15 +131,20 @@ struct Statistics {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
-    let scenes::gltf::Loaded { scene, notes } = scenes::gltf::open(&arguments.scene)?;
+    let Named {
+        subject,
+        tiles,
+        notes,
+        ..
+    } = subject::open(&arguments.scene, arguments.tiles.as_deref())?;
     if !arguments.json {
         notes.iter().for_each(|note| eprintln!("note: {note}"));
     }
+    let scene = match subject {
+        Subject::Scene(scene) => scene,
+        Subject::Archive(name) => scenes::lone::lone(&name, arguments.shape),
+    };
     let cameras = cameras(arguments, &scene)?;
-    let tiles = arguments
-        .tiles
-        .clone()
-        .map_or_else(|| own_folder(&arguments.scene), Ok)?;
     let cache_bytes = arguments
         .cache_mib
         .checked_mul(1 << 20)
@@ -305,6 +316,10 @@ pub(crate) fn parse_size(text: &str) -> Result<(u32, u32), String> {
             "write WIDTHxHEIGHT such as 1280x720, each from 1 to {MAX_SIDE}"
         )),
     }
+}
+
+fn parse_shape(text: &str) -> Result<Shape, String> {
+    Shape::named(text).ok_or_else(|| format!("write {}", Shape::ALL.map(Shape::name).join(", ")))
 }
 
 impl Statistics {
