@@ -42,10 +42,45 @@ fn a_scene_is_made_once_and_again_only_where_parameters_change() {
     let third = succeed_json(at, &arguments);
     assert!(third[0]["materials"][0]["seconds"].as_f64().unwrap() > 0.0);
     assert_eq!(fs::read(&archive).unwrap(), before, "the same bytes");
-    let mut fewer = arguments.clone();
-    fewer[6] = "7";
-    succeed_json(at, &fewer);
-    assert_ne!(fs::read(&archive).unwrap(), before);
+    // Noted with other parameters, it is made again.
+    let note = archive.with_extension("recipe.json");
+    let noted = fs::read_to_string(&note).unwrap();
+    fs::write(&note, noted.replace("\"seed\":93", "\"seed\":1")).unwrap();
+    let fourth = succeed_json(at, &arguments);
+    assert!(fourth[0]["materials"][0]["seconds"].as_f64().unwrap() > 0.0);
+    assert_eq!(fs::read_to_string(&note).unwrap(), noted);
+}
+
+#[test]
+fn other_sizes_and_settings_stand_beside_each_other() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let made = |size: &str, components: &str| {
+        let arguments = [&["scene", "figure", "--triangles", "0.01"][..], &TINY].concat();
+        let arguments: Vec<&str> = arguments
+            .into_iter()
+            .map(|argument| match argument {
+                "16" => size,
+                "8" => components,
+                other => other,
+            })
+            .collect();
+        let report = succeed_json(at, &arguments);
+        let scene = scenes::gltf::load(&at.join("scenes/figure/scene.gltf")).unwrap();
+        let name = scene.archives()[0].to_owned();
+        assert_eq!(report[0]["materials"][0]["archive"], name.as_str());
+        let archive = fs::read(at.join("scenes/tiles").join(format!("{name}.bsvtf"))).unwrap();
+        (name, archive, report[0]["materials"][0]["seconds"] != 0.0)
+    };
+    let first = made("16", "8");
+    let others = [made("8", "8"), made("16", "7")];
+    assert!(others.iter().all(|other| other.2 && other.0 != first.0));
+    assert!(others[0].0 != others[1].0);
+    let again = made("16", "8");
+    assert!(
+        (&again.0, &again.1) == (&first.0, &first.1) && !again.2,
+        "it is still there"
+    );
 }
 
 #[test]

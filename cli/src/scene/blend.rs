@@ -6,17 +6,18 @@
 //! (1 − w)·V_A + w·V_B. Nothing of the size of the samples is formed. The blend of the factorized patches is
 //! the BTF that the archive's ledger refers to.
 
-use std::ops::Range;
 use std::path::Path;
 
-use ::preprocess::factorize::factorize;
-use ::preprocess::npy::Samples;
-use ::preprocess::source::{Images, LowRank};
+use ::preprocess::factorize::factorize_product;
+use ::preprocess::source::LowRank;
 use ::preprocess::{Btf, Factors, Settings};
 use anyhow::Result;
+use rayon::prelude::*;
 use scenes::paper::{PATCHES, wear};
 
-/// The factors of a material from those of its two patches.
+use super::traced::Held;
+
+/// The factors of a material from those of its two patches. Of the size of the material are only its eigen-textures, once.
 pub(super) fn factorized(
     [fresh, worn]: [(Btf, Factors); 2],
     path: &Path,
@@ -24,6 +25,7 @@ pub(super) fn factorized(
 ) -> Result<(Btf, Factors)> {
     let (width, height) = (fresh.0.width(), fresh.0.height());
     let sampling = fresh.0.sampling().clone();
+    let of_size = |size| Btf::new(path, sampling.clone(), size, Box::new(Held::default()));
 
     // Both patches beside each other, over common eigen-ABRDFs.
     let texels = fresh.0.columns();
@@ -37,13 +39,7 @@ pub(super) fn factorized(
             both.v[start..start + texels].copy_from_slice(texture);
         }
     }
-    let pair = Btf::new(
-        path,
-        sampling.clone(),
-        (width, 2 * height),
-        Box::new(Product(both)),
-    )?;
-    let pair = factorize(&pair, settings, &|_| ())?;
+    let pair = factorize_product(&of_size((width, 2 * height))?, both, settings)?;
 
     let side = PATCHES * width;
     let blended = LowRank {
@@ -51,8 +47,9 @@ pub(super) fn factorized(
         u: pair.u,
         v: blend(&pair.v, width as usize, pair.components),
     };
-    let btf = Btf::new(path, sampling, (side, side), Box::new(Product(blended)))?;
-    let factors = factorize(&btf, settings, &|_| ())?;
+    drop(pair.v);
+    let btf = of_size((side, side))?;
+    let factors = factorize_product(&btf, blended, settings)?;
     Ok((btf, factors))
 }
 
@@ -61,67 +58,28 @@ fn blend(pair: &[f32], patch: usize, terms: usize) -> Vec<f32> {
     let (side, texels) = (PATCHES as usize * patch, patch * patch);
     let place = |at: usize| (at as f64 + 0.5) / side as f64;
     let weights: Vec<f32> = (0..side * side)
+        .into_par_iter()
         .map(|at| wear(place(at % side), place(at / side)) as f32)
         .collect();
-    let mut blended = Vec::with_capacity(terms * side * side);
-    for textures in pair.chunks_exact(2 * texels) {
-        let (fresh, worn) = textures.split_at(texels);
-        for (y, weights) in weights.chunks_exact(side).enumerate() {
-            let row = y % patch * patch;
-            blended.extend(weights.iter().enumerate().map(|(x, weight)| {
-                let at = row + x % patch;
-                fresh[at] + weight * (worn[at] - fresh[at])
-            }));
-        }
-    }
-    blended
-}
-
-/// Images that are known as a product.
-struct Product(LowRank);
-
-impl std::fmt::Debug for Product {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "Product of {} terms", self.0.terms)
-    }
-}
-
-impl Images for Product {
-    fn format(&self) -> String {
-        "blended patches".into()
-    }
-
-    fn stored_bytes(&self) -> u64 {
-        0
-    }
-
-    fn samples<'a>(
-        &'a self,
-        images: Range<usize>,
-        buffer: &'a mut Vec<f32>,
-    ) -> ::preprocess::Result<Samples<'a>> {
-        let LowRank { terms, u, v } = &self.0;
-        let (rows, texels) = (u.len() / terms, v.len() / terms);
-        buffer.clear();
-        for row in images.start * 3..images.end * 3 {
-            let start = buffer.len();
-            buffer.resize(start + texels, 0.0);
-            for (u, v) in u.chunks_exact(rows).zip(v.chunks_exact(texels)) {
-                for (sample, v) in buffer[start..].iter_mut().zip(v) {
-                    *sample += u[row] * v;
+    let mut blended = vec![0.0; terms * side * side];
+    let textures = blended.par_chunks_exact_mut(side * side);
+    textures
+        .zip(pair.par_chunks_exact(2 * texels))
+        .for_each(|(blended, textures)| {
+            let (fresh, worn) = textures.split_at(texels);
+            let rows = blended
+                .chunks_exact_mut(side)
+                .zip(weights.chunks_exact(side))
+                .enumerate();
+            for (y, (blended, weights)) in rows {
+                let row = y % patch * patch;
+                for (x, (blended, weight)) in blended.iter_mut().zip(weights).enumerate() {
+                    let at = row + x % patch;
+                    *blended = fresh[at] + weight * (worn[at] - fresh[at]);
                 }
             }
-        }
-        Ok(Samples::F32(buffer))
-    }
-
-    fn place(&self, image: usize) -> String {
-        format!("image {image} of the blended patches")
-    }
-
-    fn low_rank(&self) -> ::preprocess::Result<Option<LowRank>> {
-        Ok(Some(self.0.clone()))
-    }
+        });
+    blended
 }
 
 #[cfg(test)]
@@ -144,15 +102,5 @@ mod tests {
                 "{x} {y}: {value}"
             );
         }
-        let product = Product(LowRank {
-            terms: 2,
-            u: vec![1.0, 2.0, 3.0, 0.5, 0.5, 0.5],
-            v: vec![1.0, 0.0, 0.0, 2.0],
-        });
-        let mut buffer = Vec::new();
-        let Samples::F32(samples) = product.samples(0..1, &mut buffer).unwrap() else {
-            panic!("floats")
-        };
-        assert_eq!(samples, [1.0, 1.0, 2.0, 1.0, 3.0, 1.0]);
     }
 }

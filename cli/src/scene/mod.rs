@@ -25,7 +25,7 @@ use materials::{Made, Plan};
 pub(crate) struct Arguments {
     /// Which scene; without a name they are listed. `all` makes one after the other.
     name: Option<String>,
-    /// Folder: the scene goes to DIR/NAME, archives to DIR/tiles, where scenes share them.
+    /// Folder: the scene goes to DIR/NAME, archives to DIR/tiles, where scenes share them; drafts have names of their own there.
     #[arg(short, long, default_value = "eigentile-scenes", value_name = "DIR")]
     output: PathBuf,
     /// A draft in minutes: a quarter of the texels along each side, 31 × 31 directions, 48 components.
@@ -62,6 +62,9 @@ fn examples() -> String {
         list.concat()
     )
 }
+
+/// Terms of the factorization at full size.
+const FULL_COMPONENTS: u32 = 100;
 
 /// What was made.
 #[derive(Serialize)]
@@ -129,6 +132,8 @@ pub(crate) fn objects_to_measure(folder: &Path, quiet: bool) -> Result<(PathBuf,
     Ok((report.gltf, report.tiles))
 }
 
+/// What to make of a scene. Archives that are not of full size have their parameters in their names: scenes share a folder, and what one
+/// shows must never become what another one was made with.
 fn plan(arguments: &Arguments, scene: PaperScene) -> Result<Plan> {
     let recipes = scene.recipes();
     let largest = recipes.iter().map(|recipe| recipe.size).max().unwrap_or(1);
@@ -144,18 +149,30 @@ fn plan(arguments: &Arguments, scene: PaperScene) -> Result<Plan> {
         (None, true) => Sampling::Sparse31,
         (None, false) => Sampling::Bonn81,
     };
-    let sized = |recipe: Recipe| Recipe {
+    let components = arguments
+        .components
+        .unwrap_or(if arguments.quick { 48 } else { FULL_COMPONENTS });
+    let sized = |recipe: Recipe| {
         // Large materials are made of four patches along each side.
-        size: (u64::from(recipe.size) * u64::from(wanted) / u64::from(largest)).max(4) as u32 & !3,
-        ..recipe
+        let size = (u64::from(recipe.size) * u64::from(wanted) / u64::from(largest)).max(4) as u32 & !3;
+        let full = (recipe.size, Sampling::Bonn81, FULL_COMPONENTS);
+        let archive = if (size, sampling, components) == full {
+            recipe.archive
+        } else {
+            let directions = sampling.directions().len();
+            format!("{}-{size}x{directions}x{components}", recipe.archive)
+        };
+        Recipe {
+            archive,
+            size,
+            ..recipe
+        }
     };
     Ok(Plan {
         folder: arguments.output.clone(),
         recipes: recipes.into_iter().map(sized).collect(),
         sampling,
-        components: arguments
-            .components
-            .unwrap_or(if arguments.quick { 48 } else { 100 }),
+        components,
         quiet: arguments.json,
     })
 }
@@ -164,7 +181,9 @@ fn make(arguments: &Arguments, scene: PaperScene) -> Result<Report> {
     let start = Instant::now();
     let folder = arguments.output.join(scene.name());
     file::make_folder(&folder)?;
-    let (gltf, camera_path) = scene.save(&folder, arguments.triangles)?;
+    let plan = plan(arguments, scene)?;
+    let archives: Vec<String> = plan.recipes.iter().map(|recipe| recipe.archive.clone()).collect();
+    let (gltf, camera_path) = scene.save(&folder, arguments.triangles, &archives)?;
     let scene_bytes = size_of(&gltf) + size_of(&gltf.with_extension("bin"));
     let triangles = scenes::gltf::load(&gltf)?.triangle_count();
     say(
@@ -178,7 +197,6 @@ fn make(arguments: &Arguments, scene: PaperScene) -> Result<Report> {
     );
     let mut materials = Vec::new();
     if !arguments.no_materials {
-        let plan = plan(arguments, scene)?;
         let missing = plan.missing();
         if !missing.is_empty() {
             say(

@@ -111,10 +111,7 @@ pub(super) fn factorized(
             bar.inc(1);
         }
         drop(block);
-        let btf = of_size(Held {
-            samples: Vec::new(),
-            texels,
-        })?;
+        let btf = of_size(Held::default())?;
         let factors = sampled.finish(&btf, &others, settings, &|_| ())?;
         Ok((btf, factors))
     })?;
@@ -209,8 +206,9 @@ fn spread(directions: &[Direction]) -> Vec<usize> {
     order
 }
 
-/// Samples in memory, `[view][light][rgb][texel]`; none of a BTF that was never whole.
-struct Held {
+/// Samples in memory, `[view][light][rgb][texel]`; none of a BTF that was never whole, of which only factors are known.
+#[derive(Default)]
+pub(super) struct Held {
     samples: Vec<f16>,
     texels: usize,
 }

@@ -49,7 +49,7 @@ pub fn factorize_resumable(
 ) -> Result<Factors> {
     check(settings)?;
     if let Some(product) = btf.low_rank()? {
-        return low_rank::factorize(btf, product, settings);
+        return low_rank::factorize_product(btf, product, settings);
     }
     let plan = plan(btf, settings)?;
     let mut saver = checkpoint.map(|checkpoint| Saver::new(checkpoint, btf, settings, &plan));

@@ -1,15 +1,17 @@
 //! A BTF whose file holds factors: their product in the form of a singular value decomposition.
 //!
 //! Both factors are orthonormalized by the eigenvectors of their Gram matrices in f64 (SVQB, see `basis`), once more
-//! by Cholesky, and the small matrix between them is decomposed: nothing of the size of the BTF is formed.
+//! by Cholesky, and the small matrix between them is decomposed: nothing of the size of the BTF is formed. Nor is anything of
+//! the size of the texels' factor: its bases are products with small matrices, made panel by panel where they are needed, and
+//! the result takes the place of the factor. Eigen-textures of 2048² texels and 100 terms are 1.7 GB once.
 
 use faer::linalg::matmul::matmul;
-use faer::{Accum, Mat, Par, Side};
+use faer::{Accum, Mat, MatMut, Par, Side};
 use rayon::prelude::*;
 
 use super::basis::inverse_cholesky;
 use super::factors::square_sum;
-use super::gram::gram;
+use super::gram::{gram, widen};
 use super::{Factors, Settings, Statistics, Weighted};
 use crate::source::LowRank;
 use crate::{Btf, Error, Result};
@@ -21,11 +23,12 @@ const RANK_TOLERANCE: f64 = 1e-7;
 const PANEL_ROWS: usize = 1024;
 
 /// The singular value decomposition of `product`, cut to the terms that the settings ask for. Its error is exact: what is
-/// cut, and nothing for all terms.
+/// cut, and nothing for all terms. `btf` says what the product is; its samples are not read. What `v` takes is used again for
+/// V', beside it stand only factors of directions.
 ///
 /// # Errors
 /// [`Error::Format`] if sizes contradict the BTF's or numbers are not finite.
-pub(super) fn factorize(btf: &Btf, product: LowRank, settings: &Settings) -> Result<Factors> {
+pub fn factorize_product(btf: &Btf, product: LowRank, settings: &Settings) -> Result<Factors> {
     let (rows, columns) = (btf.rows(), btf.columns());
     let LowRank { terms, u, v } = product;
     if terms == 0 || u.len() != terms * rows || v.len() != terms * columns {
@@ -78,26 +81,26 @@ pub(super) fn factorize(btf: &Btf, product: LowRank, settings: &Settings) -> Res
     }
 
     // Norms of U·Σ without the weights, and both factors in the house's scaling.
-    let mut u = left_basis.times(svd.U().subcols(0, kept).to_owned());
-    if let Some(weights) = &weights {
-        u.par_chunks_exact_mut(rows).for_each(|column| {
-            for (value, &weight) in column.iter_mut().zip(weights) {
+    let u = left.times(&(left_basis * svd.U().subcols(0, kept)));
+    let root = (rows as f64).sqrt();
+    let (mut norms, mut u_scaled) = (Vec::with_capacity(kept), Vec::with_capacity(kept * rows));
+    let mut rotation = right_basis * svd.V().subcols(0, kept);
+    for (component, rotation) in rotation.as_mut().col_iter_mut().enumerate() {
+        let mut u: Vec<f64> = u.col(component).iter().copied().collect();
+        if let Some(weights) = &weights {
+            for (value, &weight) in u.iter_mut().zip(weights) {
                 *value /= f64::from(weight).sqrt();
             }
-        });
-    }
-    let v = right_basis.times(svd.V().subcols(0, kept).to_owned());
-    let root = (rows as f64).sqrt();
-    let (mut norms, mut u_scaled, mut v_scaled) = (Vec::new(), Vec::new(), Vec::new());
-    for (component, (u, v)) in u.chunks_exact(rows).zip(v.chunks_exact(columns)).enumerate() {
-        let length = square_sum(u).sqrt();
+        }
+        let length = square_sum(&u).sqrt();
         let sign = if u.iter().sum::<f64>() < 0.0 { -1.0 } else { 1.0 };
         let norm = length * values[component];
         let scale = if length > 0.0 { sign * root / length } else { 0.0 };
         u_scaled.extend(u.iter().map(|value| (value * scale) as f32));
-        v_scaled.extend(v.iter().map(|value| (value * sign * norm / root) as f32));
+        rotation.iter_mut().for_each(|value| *value *= sign * norm / root);
         norms.push(norm);
     }
+    let v_scaled = right.rotated(&rotation);
     let weighted = weights.map(|weights| Weighted {
         weights,
         energy: weighted_energy,
@@ -158,11 +161,6 @@ struct Factor {
     gram: Mat<f64>,
 }
 
-/// An orthonormal basis of a factor, `length` × `terms`.
-struct Basis {
-    vectors: Mat<f64>,
-}
-
 impl Factor {
     fn new(values: Vec<f32>, length: usize, weights: Option<&Vec<f32>>) -> Self {
         let terms = values.len() / length;
@@ -182,7 +180,7 @@ impl Factor {
     }
 
     /// Rows from `first` on, in f64.
-    fn fill(&self, first: usize, mut out: faer::MatMut<'_, f64>) {
+    fn fill(&self, first: usize, mut out: MatMut<'_, f64>) {
         for (term, values) in self.values.chunks_exact(self.length).enumerate() {
             for (index, out) in out.as_mut().col_mut(term).iter_mut().enumerate() {
                 let scale = self.scales.as_ref().map_or(1.0, |scales| scales[first + index]);
@@ -211,8 +209,9 @@ impl Factor {
         squares
     }
 
-    /// A basis X and the small R with X·R = the factor, as far as f32 determines it.
-    fn orthonormal(&self) -> Result<(Basis, Mat<f64>)> {
+    /// X for which factor·X is an orthonormal basis, and the small R with factor·X·R = the factor, as far as f32 determines
+    /// it. The basis itself, of the factor's size in f64, is never whole.
+    fn orthonormal(&self) -> Result<(Mat<f64>, Mat<f64>)> {
         let terms = self.terms();
         let lengths: Vec<f64> = (0..terms).map(|term| self.gram[(term, term)].sqrt()).collect();
         let inverse = |length: f64| if length > 0.0 { length.recip() } else { 0.0 };
@@ -235,54 +234,55 @@ impl Factor {
         let small = Mat::from_fn(determined.len(), terms, |i, j| {
             root(i) * eigen.U()[(j, determined[i])] * lengths[j]
         });
-        let vectors = self.multiplied(&make);
-        let again = gram(self.length, vectors.ncols(), |range, mut out| {
-            out.copy_from(vectors.as_ref().subrows(range.start, range.len()));
+        let again = gram(self.length, make.ncols(), |range, out| {
+            self.panel_times(range.start, &make, out);
         });
         if again[(0, 0)] == 0.0 {
-            return Ok((Basis { vectors }, small)); // all zero
+            return Ok((make, small)); // all zero
         }
         let correction = inverse_cholesky(&again)?;
         // X ← X·L⁻ᵀ, R ← Lᵀ·R with Lᵀ = L⁻¹·G.
         let small = correction.transpose() * again * small;
-        let vectors = Basis { vectors }.product(&correction);
-        Ok((Basis { vectors }, small))
+        Ok((make * correction, small))
     }
 
-    fn multiplied(&self, x: &Mat<f64>) -> Mat<f64> {
+    /// Rows of the factor from `first` on, as many as `out` has, times X.
+    fn panel_times(&self, first: usize, x: &Mat<f64>, out: MatMut<'_, f64>) {
+        let mut rows = Mat::<f64>::zeros(out.nrows(), self.terms());
+        self.fill(first, rows.as_mut());
+        matmul(out, Accum::Replace, rows.as_ref(), x.as_ref(), 1.0, Par::Seq);
+    }
+
+    /// The factor times X.
+    fn times(&self, x: &Mat<f64>) -> Mat<f64> {
         let mut product = Mat::<f64>::zeros(self.length, x.ncols());
         product
             .as_mut()
             .par_row_chunks_mut(PANEL_ROWS)
             .enumerate()
-            .for_each(|(panel, out)| {
-                let mut rows = Mat::<f64>::zeros(out.nrows(), self.terms());
-                self.fill(panel * PANEL_ROWS, rows.as_mut());
-                matmul(out, Accum::Replace, rows.as_ref(), x.as_ref(), 1.0, Par::Seq);
-            });
+            .for_each(|(panel, out)| self.panel_times(panel * PANEL_ROWS, x, out));
         product
     }
-}
 
-impl Basis {
-    fn product(&self, x: &Mat<f64>) -> Mat<f64> {
-        let mut product = Mat::<f64>::zeros(self.vectors.nrows(), x.ncols());
-        product
-            .as_mut()
+    /// The factor, which has no weights, times X of no more columns than terms: in the memory of the factor, `[column of X][index]`.
+    fn rotated(self, x: &Mat<f64>) -> Vec<f32> {
+        let (terms, kept) = (self.terms(), x.ncols());
+        let mut values = self.values;
+        MatMut::from_column_major_slice_mut(&mut values, self.length, terms)
             .par_row_chunks_mut(PANEL_ROWS)
-            .enumerate()
-            .for_each(|(panel, out)| {
-                let rows = self.vectors.as_ref().subrows(panel * PANEL_ROWS, out.nrows());
-                matmul(out, Accum::Replace, rows, x.as_ref(), 1.0, Par::Seq);
+            .for_each(|mut panel| {
+                let mut rows = Mat::<f64>::zeros(panel.nrows(), terms);
+                widen(panel.as_ref(), rows.as_mut());
+                let mut product = Mat::<f64>::zeros(panel.nrows(), kept);
+                matmul(product.as_mut(), Accum::Replace, &rows, x, 1.0, Par::Seq);
+                for (to, from) in panel.as_mut().col_iter_mut().zip(product.col_iter()) {
+                    to.iter_mut()
+                        .zip(from.iter())
+                        .for_each(|(to, from)| *to = *from as f32);
+                }
             });
-        product
-    }
-
-    /// The basis times X, `[column of X][index]`.
-    fn times(&self, x: Mat<f64>) -> Vec<f64> {
-        let product = self.product(&x);
-        (0..product.ncols())
-            .flat_map(|column| product.col(column).iter().copied().collect::<Vec<_>>())
-            .collect()
+        values.truncate(kept * self.length);
+        values.shrink_to_fit();
+        values
     }
 }

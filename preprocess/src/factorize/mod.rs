@@ -31,6 +31,7 @@ pub use checkpoint::Checkpoint;
 pub use factors::{Factors, Weighted};
 pub(crate) use grow::left_out;
 pub use grow::{factorize, factorize_resumable};
+pub use low_rank::factorize_product;
 pub use sampled::Sampled;
 pub use settings::{Enough, Settings, Statistics};
 pub use weights::Weights;

@@ -140,7 +140,7 @@ impl Sampled {
             energy: self.known.energy / self.known.columns as f64 * self.columns as f64,
             residual_energy: left_out / columns as f64 * self.columns as f64,
             estimated: true,
-            ..low_rank::factorize(btf, product, settings)?
+            ..low_rank::factorize_product(btf, product, settings)?
         })
     }
 }

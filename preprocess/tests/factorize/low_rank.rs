@@ -1,7 +1,7 @@
 //! Files that hold factors.
 
 use preprocess::Btf;
-use preprocess::factorize::factorize;
+use preprocess::factorize::{factorize, factorize_product};
 use preprocess::npy::Samples;
 use preprocess::source::{Images, LowRank};
 use std::ops::Range;
@@ -88,5 +88,26 @@ fn factors_in_a_file_are_not_factorized_again() {
             let stated = factors.mean_rgb.iter().sum::<f64>() / 3.0;
             assert!((mean - stated).abs() < 1e-6 * norm);
         }
+    }
+}
+
+#[test]
+fn eigen_textures_take_the_memory_of_the_product() {
+    let (terms, rows, columns) = (9, 5 * 4 * 3, 64 * 64);
+    let mut random = noise(5);
+    let product = LowRank {
+        terms,
+        u: (0..terms * rows).map(|_| 0.3 + random()).collect(),
+        v: (0..terms * columns).map(|_| random()).collect(),
+    };
+    let images = Box::new(Product(LowRank::default()));
+    let btf = Btf::new(Path::new("blend"), crate::common::sampling(5, 4), (64, 64), images).unwrap();
+    for components in [9, 4] {
+        let given = product.clone();
+        let memory = given.v.as_ptr();
+        let factors = factorize_product(&btf, given, &settings(components)).unwrap();
+        assert_eq!(factors.components, components as usize);
+        assert_eq!(factors.v.capacity(), components as usize * columns);
+        assert!(components < 9 || factors.v.as_ptr() == memory, "a copy was made");
     }
 }

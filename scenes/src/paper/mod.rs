@@ -18,7 +18,7 @@ use std::path::{Path, PathBuf};
 
 pub use recipe::{PATCHES, Recipe, wear};
 
-use crate::{CameraPath, Result, Scene, gltf};
+use crate::{CameraPath, Result, Scene, Surface, gltf};
 
 /// One of the six scenes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -109,13 +109,21 @@ impl PaperScene {
         flights::flight(self)
     }
 
-    /// Writes `scene.gltf`, `scene.bin` and `camera.json` into a folder; the paths of scene and camera path.
+    /// Writes `scene.gltf`, `scene.bin` and `camera.json` into a folder; the paths of scene and camera path. `archives` are names
+    /// of the materials' archives in the order of [`PaperScene::recipes`], where they have others than these say.
     ///
     /// # Errors
     /// [`crate::Error::Io`].
-    pub fn save(self, folder: &Path, detail: f32) -> Result<(PathBuf, PathBuf)> {
+    pub fn save(self, folder: &Path, detail: f32, archives: &[String]) -> Result<(PathBuf, PathBuf)> {
         let (scene_path, camera_path) = (folder.join("scene.gltf"), folder.join("camera.json"));
-        gltf::save(&self.build(detail), &scene_path)?;
+        let mut scene = self.build(detail);
+        // Materials stand in the order of the recipes.
+        for (material, name) in scene.materials.iter_mut().zip(archives) {
+            if let Surface::Btf { archive, .. } = &mut material.surface {
+                (*archive, material.name) = (name.clone(), name.clone());
+            }
+        }
+        gltf::save(&scene, &scene_path)?;
         self.flight().save(&camera_path)?;
         Ok((scene_path, camera_path))
     }
@@ -231,7 +239,10 @@ mod tests {
     fn the_same_scene_every_time_and_through_a_file() {
         let folder = tempfile::tempdir().unwrap();
         let scene = PaperScene::Large;
-        let (path, camera) = scene.save(folder.path(), 0.01).unwrap();
+        let names = ["a", "b", "c", "d"].map(String::from);
+        let (path, _) = scene.save(folder.path(), 0.01, &names).unwrap();
+        assert_eq!(gltf::load(&path).unwrap().archives(), ["a", "b", "c", "d"]);
+        let (path, camera) = scene.save(folder.path(), 0.01, &[]).unwrap();
         let (built, loaded) = (scene.build(0.01), gltf::load(&path).unwrap());
         assert_eq!(built.meshes.len(), loaded.meshes.len());
         for (built, loaded) in built.meshes.iter().zip(&loaded.meshes) {

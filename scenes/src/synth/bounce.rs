@@ -5,6 +5,7 @@
 //! diffusely of each light. A cell takes the patch at a place moved at random by up to half a patch, which blends
 //! neighbouring patches over the samples of a texel.
 
+use super::ceiling::Ceilings;
 use super::materials::Material;
 use super::random::{mix, unit};
 use super::reflectance::{BOUNCE_UNIT, LANES, Lights};
@@ -36,7 +37,12 @@ pub(super) struct Bounce {
 }
 
 impl Bounce {
-    pub(super) fn new(volume: &Volume, material: &dyn Material, lights: &Lights) -> Bounce {
+    pub(super) fn new(
+        volume: &Volume,
+        material: &dyn Material,
+        lights: &Lights,
+        ceilings: &Ceilings,
+    ) -> Bounce {
         let keys = occupied(volume);
         let padded = lights.padded();
         let places: Vec<Place> = keys.par_iter().map(|&key| place(volume, key)).collect();
@@ -48,7 +54,7 @@ impl Bounce {
         let mut lit = vec![0.0f32; keys.len() * padded];
         let work = lit.par_chunks_mut(BLOCK * padded).zip(places.par_chunks(BLOCK));
         let shadow_rays = work
-            .map(|(lit, places)| direct_light(volume, lights, places, lit))
+            .map(|(lit, places)| direct_light(volume, lights, ceilings, places, lit))
             .sum();
         let mut light = vec![0; keys.len() * 3 * padded];
         light
@@ -168,10 +174,16 @@ fn mean_albedo(volume: &Volume, material: &dyn Material, place: &Place) -> Vec3 
 }
 
 /// Writes the cosines of visible lights, `[patch][light]`, and counts the rays that this took.
-fn direct_light(volume: &Volume, lights: &Lights, places: &[Place], lit: &mut [f32]) -> u64 {
+fn direct_light(
+    volume: &Volume,
+    lights: &Lights,
+    ceilings: &Ceilings,
+    places: &[Place],
+    lit: &mut [f32],
+) -> u64 {
     let (padded, bytes) = (lights.padded(), lights.mask_bytes());
     let mut masks = vec![0; places.len() * bytes];
-    let rays = visible(volume, lights, places, &mut masks);
+    let rays = visible(volume, lights, ceilings, places, &mut masks);
     for ((lit, mask), place) in lit.chunks_mut(padded).zip(masks.chunks(bytes)).zip(places) {
         for (light, lit) in lit.iter_mut().enumerate().take(lights.count) {
             if mask[light / LANES] >> (light % LANES) & 1 == 1 {

@@ -2,6 +2,10 @@
 //!
 //! Long steps where the grid says that nothing is near, short ones near the surface (Hart, Sphere Tracing, 1996), and
 //! linear interpolation of the crossing.
+//!
+//! A step is little arithmetic that waits for memory: grids are larger than caches. So parallel rays go in packets, a step of all of
+//! them before the next step of any ([`Volume::march_all`]), and the processor waits for many of them at once. A ray does not notice:
+//! it does what it would do alone.
 
 use super::volume::Volume;
 use glam::Vec3;
@@ -14,48 +18,146 @@ const SLACK: f32 = 0.5;
 /// Clearance in voxels above which the coarse grid gives the step.
 const CLEAR: f32 = 1.2;
 
+/// Rays of a packet at most.
+pub(super) const PACKET: usize = 256;
+
+/// A ray on its way.
+#[derive(Clone, Copy)]
+struct Ray {
+    /// Where it is, x and y in [0, side).
+    p: Vec3,
+    /// The last step and the distance that was found before it; zeros unless that was near the surface.
+    before: (f32, f32),
+    /// Which one of the packet.
+    number: u32,
+}
+
+/// What a step came to.
+enum Step {
+    On(Ray),
+    Hit(Vec3),
+}
+
 impl Volume {
     /// Where the ray from `origin` first enters the solid, in grid coordinates with x and y in [0, side); none if it
     /// leaves through the top. `direction` is a unit vector.
-    #[inline(always)]
     pub(super) fn march(&self, origin: Vec3, direction: Vec3) -> Option<Vec3> {
-        let mut p = self.wrap(origin);
-        let mut before = (0.0, 0.0);
+        let mut ray = self.ray(origin, 0);
         for _ in 0..MAX_STEPS {
-            if p.z > self.top && direction.z >= 0.0 {
-                return None;
+            if let Some(end) = self.end(&ray, direction) {
+                return end;
             }
-            if p.z <= 0.0 {
-                return Some(p);
+            let clear = self.clearance(ray.p);
+            if clear > CLEAR {
+                ray = self.leap(ray, clear, direction);
+                continue;
             }
-            let clear = self.clearance(p);
-            let step = if clear > CLEAR {
-                before = (0.0, 0.0);
-                clear + SLACK
-            } else {
-                let distance = self.distance(p);
-                if distance <= 0.0 {
-                    let (step, last) = before;
-                    let back = if last > 0.0 {
-                        step * distance / (last - distance)
-                    } else {
-                        0.0
-                    };
-                    return Some(self.wrap(p + back * direction));
-                }
-                let step = distance + SLACK;
-                before = (step, distance);
-                step
-            };
-            p = self.wrap(p + step * direction);
+            match self.step(ray, direction) {
+                Step::On(on) => ray = on,
+                Step::Hit(p) => return Some(p),
+            }
         }
-        Some(p)
+        Some(ray.p)
     }
 
-    /// Whether the ray from `origin` leaves through the top.
+    /// [`Volume::march`] for rays of one direction, at most [`PACKET`]; `arrived` hears of each once, by its place in `origins`.
+    pub(super) fn march_all(
+        &self,
+        origins: &[Vec3],
+        direction: Vec3,
+        mut arrived: impl FnMut(usize, Option<Vec3>),
+    ) {
+        let none = Ray {
+            p: Vec3::ZERO,
+            before: (0.0, 0.0),
+            number: 0,
+        };
+        let (mut rays, mut near) = ([none; PACKET], [none; PACKET]);
+        let mut count = origins.len();
+        for (number, (ray, &origin)) in rays.iter_mut().zip(origins).enumerate() {
+            *ray = self.ray(origin, number as u32);
+        }
+        for _ in 0..MAX_STEPS {
+            // Which way a ray goes cannot be predicted: it is written to both lists, and one of them becomes longer.
+            let (mut far_count, mut near_count) = (0, 0);
+            for n in 0..count {
+                let ray = rays[n];
+                if let Some(end) = self.end(&ray, direction) {
+                    arrived(ray.number as usize, end);
+                    continue;
+                }
+                let clear = self.clearance(ray.p);
+                near[near_count] = ray;
+                rays[far_count] = self.leap(ray, clear, direction);
+                near_count += usize::from(clear <= CLEAR);
+                far_count += usize::from(clear > CLEAR);
+            }
+            count = far_count;
+            for ray in &near[..near_count] {
+                match self.step(*ray, direction) {
+                    Step::On(on) => {
+                        rays[count] = on;
+                        count += 1;
+                    }
+                    Step::Hit(p) => arrived(ray.number as usize, Some(p)),
+                }
+            }
+            if count == 0 {
+                return;
+            }
+        }
+        for ray in &rays[..count] {
+            arrived(ray.number as usize, Some(ray.p));
+        }
+    }
+
     #[inline(always)]
-    pub(super) fn escapes(&self, origin: Vec3, direction: Vec3) -> bool {
-        self.march(origin, direction).is_none()
+    fn ray(&self, origin: Vec3, number: u32) -> Ray {
+        Ray {
+            p: self.wrap(origin),
+            before: (0.0, 0.0),
+            number,
+        }
+    }
+
+    /// Whether the ray has left through the top, or reached the floor.
+    #[inline(always)]
+    fn end(&self, ray: &Ray, direction: Vec3) -> Option<Option<Vec3>> {
+        if ray.p.z > self.top && direction.z >= 0.0 {
+            return Some(None);
+        }
+        (ray.p.z <= 0.0).then_some(Some(ray.p))
+    }
+
+    /// A step where nothing is near.
+    #[inline(always)]
+    fn leap(&self, ray: Ray, clear: f32, direction: Vec3) -> Ray {
+        Ray {
+            p: self.wrap(ray.p + (clear + SLACK) * direction),
+            before: (0.0, 0.0),
+            ..ray
+        }
+    }
+
+    /// A step near the surface.
+    #[inline(always)]
+    fn step(&self, ray: Ray, direction: Vec3) -> Step {
+        let distance = self.distance(ray.p);
+        if distance <= 0.0 {
+            let (step, last) = ray.before;
+            let back = if last > 0.0 {
+                step * distance / (last - distance)
+            } else {
+                0.0
+            };
+            return Step::Hit(self.wrap(ray.p + back * direction));
+        }
+        let step = distance + SLACK;
+        Step::On(Ray {
+            p: self.wrap(ray.p + step * direction),
+            before: (step, distance),
+            ..ray
+        })
     }
 
     /// Where a ray that goes down through `point` of the reference plane (grid coordinates) against `view` starts:
@@ -100,14 +202,28 @@ mod tests {
     fn the_wall_blocks_around_the_patch() {
         let volume = Volume::build(&Wall, 128);
         let floor = Vec3::new(0.9 * 128.0, 3.0, 4.0);
-        assert!(volume.escapes(floor, Vec3::Z));
-        assert!(
-            !volume.escapes(floor, Vec3::new(1.0, 0.0, 0.2).normalize()),
-            "wraps to the wall"
-        );
-        assert!(
-            volume.escapes(floor, Vec3::new(0.0, 1.0, 0.2).normalize()),
-            "along the wall"
-        );
+        let escapes = |direction: Vec3| volume.march(floor, direction.normalize()).is_none();
+        assert!(escapes(Vec3::Z));
+        assert!(!escapes(Vec3::new(1.0, 0.0, 0.2)), "wraps to the wall");
+        assert!(escapes(Vec3::new(0.0, 1.0, 0.2)), "along the wall");
+    }
+
+    #[test]
+    fn packets_do_what_rays_do_alone() {
+        let volume = Volume::build(&Wall, 128);
+        let origin = |n: usize| Vec3::new((n * 37 % 128) as f32 + 0.3, n as f32 * 0.4, 2.0 + (n % 40) as f32);
+        let origins: Vec<Vec3> = (0..PACKET).map(origin).collect();
+        for direction in [Vec3::new(0.6, 0.1, 0.3), Vec3::new(-0.3, 0.5, -0.2), Vec3::X] {
+            let direction = direction.normalize();
+            for packet in [&origins[..], &origins[..3], &[]] {
+                let mut found = vec![None; packet.len()];
+                volume.march_all(packet, direction, |n, end| {
+                    assert_eq!(found[n].replace(end), None, "once");
+                });
+                for (origin, found) in packet.iter().zip(found) {
+                    assert_eq!(found, Some(volume.march(*origin, direction)));
+                }
+            }
+        }
     }
 }

@@ -9,6 +9,7 @@
 //! - [`sampling`]: the view and light directions of well-known measurements.
 //! - [`synthesize()`]: from a material's name to samples, one view at a time.
 //! - `volume`, `distances`, `march`: the solid as a periodic grid of signed distances, and rays through it.
+//! - `ceiling`: where lights are visible without a ray.
 //! - `surface`, `bounce`: the cells of the surface, their visible lights, and light by way of other cells.
 //! - `reflectance`: the diffuse and glossy reflectance, for all lights at once.
 //! - [`Style`]: colour, gloss, relief and pattern, so that one kind of material is many.
@@ -19,6 +20,7 @@
 //! The reference plane z = 0 is the mean height of the surface seen from straight above.
 
 mod bounce;
+mod ceiling;
 mod distances;
 mod march;
 mod materials;

@@ -6,6 +6,8 @@
 //! cuts a cube's corner, that point lies in a neighbour, whose content serves both: this halves the work.
 
 use super::bounce::Bounce;
+use super::ceiling::Ceilings;
+use super::march::PACKET;
 use super::materials::Material;
 use super::reflectance::{Attributes, LANES, Lights, Point};
 use super::volume::Volume;
@@ -32,6 +34,7 @@ pub(super) struct Surface<'a> {
     pub(super) material: &'a dyn Material,
     /// All lights, for which there is room in what cells hold.
     lights: &'a Lights,
+    ceilings: &'a Ceilings,
     /// Those that are asked for.
     pub(super) active: Lights,
     bounce: Option<Bounce>,
@@ -90,6 +93,7 @@ impl<'a> Surface<'a> {
         volume: &'a Volume,
         material: &'a dyn Material,
         lights: &'a Lights,
+        ceilings: &'a Ceilings,
         bounce: Option<Bounce>,
     ) -> Surface<'a> {
         let index = Index::new(volume);
@@ -98,6 +102,7 @@ impl<'a> Surface<'a> {
             volume,
             material,
             lights,
+            ceilings,
             active: lights.first(lights.count),
             bounce,
             index,
@@ -196,16 +201,22 @@ impl<'a> Surface<'a> {
                         point.patch = bounce.patch_near(self.volume, place, key);
                     }
                 }
-                let rays = visible(self.volume, &self.active, &places, lit);
+                let rays = visible(self.volume, &self.active, self.ceilings, &places, lit);
                 self.shadow_rays.fetch_add(rays, Ordering::Relaxed);
             });
         (self.points, self.lit) = (points, lit);
     }
 
-    /// Content of a cell that is known: reflectance, visible lights, bounced light.
+    /// Where the content of a cell is that is known.
     #[inline(always)]
-    pub(super) fn content(&self, key: CellKey) -> (&Point, &[u8], &[u16]) {
-        let index = self.index.get(self.cell(key)) as usize;
+    pub(super) fn place(&self, key: CellKey) -> u32 {
+        self.index.get(self.cell(key))
+    }
+
+    /// Content of the cell at a [`Surface::place`]: reflectance, visible lights, bounced light.
+    #[inline(always)]
+    pub(super) fn content(&self, place: u32) -> (&Point, &[u8], &[u16]) {
+        let index = place as usize;
         let point = &self.points[index];
         let bytes = self.lights.mask_bytes();
         let bounced = self.bounce.as_ref().map_or(&[][..], |b| b.light(point.patch));
@@ -255,20 +266,43 @@ pub(super) fn attributes(volume: &Volume, material: &dyn Material, place: &Place
 ///
 /// Light by light: rays from neighbours in the same direction meet the same part of the volume while it is in the
 /// cache.
-pub(super) fn visible(volume: &Volume, lights: &Lights, places: &[Place], lit: &mut [u8]) -> u64 {
+pub(super) fn visible(
+    volume: &Volume,
+    lights: &Lights,
+    ceilings: &Ceilings,
+    places: &[Place],
+    lit: &mut [u8],
+) -> u64 {
     let (mut rays, bytes) = (0, lit.len() / places.len().max(1));
+    let (mut origins, mut facing) = (Vec::with_capacity(PACKET), Vec::with_capacity(PACKET));
     for light in 0..lights.count {
         let direction = lights.direction(light);
         if direction.z <= 0.0 {
             continue;
         }
-        for (place, lit) in places.iter().zip(lit.chunks_exact_mut(bytes)) {
-            if place.normal.dot(direction) > 0.0 {
-                rays += 1;
-                if volume.escapes(place.position + LIFT * place.normal, direction) {
-                    lit[light / LANES] |= 1 << (light % LANES);
+        for (packet, places) in places.chunks(PACKET).enumerate() {
+            origins.clear();
+            facing.clear();
+            for (n, place) in places.iter().enumerate() {
+                if place.normal.dot(direction) > 0.0 {
+                    let (origin, n) = (
+                        volume.wrap(place.position + LIFT * place.normal),
+                        packet * PACKET + n,
+                    );
+                    if ceilings.clear(light, origin) {
+                        lit[n * bytes + light / LANES] |= 1 << (light % LANES);
+                    } else {
+                        origins.push(origin);
+                        facing.push(n);
+                    }
                 }
             }
+            rays += origins.len() as u64;
+            volume.march_all(&origins, direction, |n, end| {
+                if end.is_none() {
+                    lit[facing[n] * bytes + light / LANES] |= 1 << (light % LANES);
+                }
+            });
         }
     }
     rays
@@ -286,7 +320,8 @@ mod tests {
             .make(5, 1.0 / 128.0, &crate::synth::Style::default());
         let volume = Volume::build(material.as_solid(), 128);
         let lights = Lights::new(&[Vec3::Z, Vec3::new(0.6, 0.0, 0.8)]);
-        let surface = || Surface::new(&volume, &*material, &lights, None);
+        let ceilings = Ceilings::new(&volume, &lights);
+        let surface = || Surface::new(&volume, &*material, &lights, &ceilings, None);
         let hit = |n: u32| {
             volume.march(
                 Vec3::new((n % 100) as f32, (n / 100) as f32, volume.top),
@@ -302,7 +337,10 @@ mod tests {
         assert!(keys.iter().all(|&key| once.knows(key) && !twice.knows(key)));
         twice.extend(&odd);
         twice.extend(&even);
-        assert!(keys.iter().all(|&key| once.content(key) == twice.content(key)));
+        assert!(
+            keys.iter()
+                .all(|&key| once.content(once.place(key)) == twice.content(twice.place(key)))
+        );
         assert!(once.cells() <= keys.len() && once.cells() == twice.cells());
         assert_eq!(once.shadow_rays(), twice.shadow_rays());
     }

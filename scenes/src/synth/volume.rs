@@ -249,6 +249,12 @@ impl Volume {
         (low + fy * (high - low)) * (1.0 / UNITS)
     }
 
+    /// Height above column (i, j), at most the grid's side, over which there is only air.
+    pub(super) fn height(&self, i: usize, j: usize) -> f32 {
+        let column = &self.distance[(j * (self.side + 1) + i) * self.depth..][..self.depth];
+        column.iter().rposition(|&d| d <= 0).unwrap_or(0) as f32 + 1.0
+    }
+
     /// Direction in which the distance grows at `p`: the surface's normal, unit length; any `p`.
     pub(super) fn normal(&self, p: Vec3) -> Vec3 {
         const STEP: f32 = 0.8;
