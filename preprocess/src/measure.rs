@@ -5,7 +5,7 @@ use std::path::Path;
 
 use tileset::{Archive, GROUP_COMPONENTS};
 
-use crate::build::loss::{Product, Sizes, mean_square};
+use crate::build::loss::{Chain, Product, Sizes};
 use crate::export::decode_group;
 use crate::factorize::left_out;
 use crate::progress::ProgressFn;
@@ -92,14 +92,18 @@ fn difference(factors: &Factors, u: &[f32], v: &[f32], weights: Option<&[f32]>) 
         columns,
         components: factors.components,
     };
-    let scale = |row: usize| weights.map_or(1.0, |weights| weights[row].sqrt());
-    let wanted = Product {
-        abrdf: |component: usize, row: usize| factors.u[component * rows + row] * scale(row),
-        texture: |component: usize, texel: usize| factors.v[component * columns + texel],
-    };
-    let stored = Product {
-        abrdf: |component: usize, row: usize| u[component * rows + row] * scale(row),
-        texture: |component: usize, texel: usize| v[component * columns + texel],
-    };
-    mean_square(sizes, &wanted, &stored) * rows as f64 * columns as f64
+    let products = [(&factors.u[..], &factors.v[..]), (u, v)].map(|(u, v)| Product {
+        abrdf: Box::new(move |component, row, out| {
+            out.copy_from_slice(&u[component * rows + row..][..out.len()]);
+            if let Some(weights) = weights {
+                for (out, weight) in out.iter_mut().zip(&weights[row..]) {
+                    *out *= weight.sqrt();
+                }
+            }
+        }),
+        texture: Box::new(move |component, texel, out| {
+            out.copy_from_slice(&v[component * columns + texel..][..out.len()]);
+        }),
+    });
+    Chain::new(sizes, &products).mean_square(0, 1) * rows as f64 * columns as f64
 }

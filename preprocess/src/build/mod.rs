@@ -23,7 +23,7 @@ use crate::output::AtomicFile;
 use crate::progress::{Phase, Progress, ProgressFn};
 use crate::{Btf, Error, Factors, Result};
 use group::{GroupRecords, Material};
-use loss::{Product, Sizes};
+use loss::{Chain, Product, Sizes};
 
 /// Quantizer step in root mean squares of the BTF where the user gives none.
 pub const DEFAULT_QUALITY: f64 = 0.02;
@@ -317,19 +317,37 @@ fn merge(a: Option<Statistics>, b: Option<Statistics>) -> Option<Statistics> {
 /// What each step lost, measured on the factors: the squares add up to the loss of all of them.
 fn ledger(factors: &Factors, texture_scale: f64, groups: &[GroupRecords]) -> Ledger {
     let scale = texture_scale as f32;
-    let rounded = |value: f32| half::f16::from_f32(value / scale).to_f32() * scale;
     let sizes = Sizes {
         rows: factors.rows,
         columns: factors.columns,
         components: factors.components,
     };
+    let abrdf = |component: usize, row: usize, out: &mut [f32]| {
+        out.copy_from_slice(&factors.u[component * factors.rows + row..][..out.len()]);
+    };
+    let texture = |component: usize, texel: usize, out: &mut [f32]| {
+        out.copy_from_slice(&factors.v[component * factors.columns + texel..][..out.len()]);
+    };
     let exact = Product {
-        abrdf: |component: usize, row: usize| factors.u[component * factors.rows + row],
-        texture: |component: usize, texel: usize| factors.v[component * factors.columns + texel],
+        abrdf: Box::new(abrdf),
+        texture: Box::new(texture),
+    };
+    let round = |out: &mut [f32]| {
+        for value in out {
+            *value = half::f16::from_f32(*value).to_f32();
+        }
     };
     let halves = Product {
-        abrdf: |component: usize, row: usize| half::f16::from_f32((exact.abrdf)(component, row)).to_f32(),
-        texture: |component: usize, texel: usize| rounded((exact.texture)(component, texel)),
+        abrdf: Box::new(move |component, row, out| {
+            abrdf(component, row, out);
+            round(out);
+        }),
+        texture: Box::new(move |component, texel, out| {
+            texture(component, texel, out);
+            out.iter_mut().for_each(|value| *value /= scale);
+            round(out);
+            out.iter_mut().for_each(|value| *value *= scale);
+        }),
     };
     let place = |component: usize| {
         (
@@ -338,23 +356,28 @@ fn ledger(factors: &Factors, texture_scale: f64, groups: &[GroupRecords]) -> Led
         )
     };
     let decoded = Product {
-        abrdf: |component: usize, row: usize| {
+        abrdf: Box::new(move |component, row, out| {
             let (group, channel) = place(component);
-            group.abrdfs.texels[row][channel].to_f32()
-        },
-        texture: |component: usize, texel: usize| {
+            let texels = &group.abrdfs.texels[row..][..out.len()];
+            for (out, texel) in out.iter_mut().zip(texels) {
+                *out = texel[channel].to_f32();
+            }
+        }),
+        texture: Box::new(move |component, texel, out| {
             let (group, channel) = place(component);
-            group.finest.texels[texel][channel].to_f32() * scale
-        },
+            let texels = &group.finest.texels[texel..][..out.len()];
+            for (out, texel) in out.iter_mut().zip(texels) {
+                *out = texel[channel].to_f32() * scale;
+            }
+        }),
     };
+    let chain = Chain::new(sizes, &[exact, halves, decoded]);
     Ledger {
         btf_rms: factors.btf_rms(),
         rank_rms: factors.rank_rms(),
-        half_rms: loss::mean_square(sizes, &exact, &halves).sqrt(),
-        codec_rms: loss::mean_square(sizes, &halves, &decoded).sqrt(),
-        measured_rms: factors
-            .rank_rms()
-            .hypot(loss::mean_square(sizes, &exact, &decoded).sqrt()),
+        half_rms: chain.mean_square(0, 1).sqrt(),
+        codec_rms: chain.mean_square(1, 2).sqrt(),
+        measured_rms: factors.rank_rms().hypot(chain.mean_square(0, 2).sqrt()),
     }
 }
 

@@ -101,7 +101,13 @@ fn eigen_textures_take_the_memory_of_the_product() {
         v: (0..terms * columns).map(|_| random()).collect(),
     };
     let images = Box::new(Product(LowRank::default()));
-    let btf = Btf::new(Path::new("blend"), crate::common::sampling(5, 4), (64, 64), images).unwrap();
+    let btf = Btf::new(
+        Path::new("blend"),
+        crate::common::sampling(5, 4),
+        (64, 64),
+        images,
+    )
+    .unwrap();
     for components in [9, 4] {
         let given = product.clone();
         let memory = given.v.as_ptr();
