@@ -57,8 +57,9 @@ const fn step(name: &'static str, plot: bool, quick: &'static str, full: &'stati
     }
 }
 
-const STEPS: [Step; 8] = [
+const STEPS: [Step; 10] = [
     step("stability", false, "", "--full"),
+    step("endurance", false, "--minutes 10", ""),
     step("policy", true, "--frames 60 --pages 100,400,1600,6400", ""),
     step(
         "codec",
@@ -83,6 +84,12 @@ const STEPS: [Step; 8] = [
         true,
         "--size 160x90 --texels 64 --frames 2 --rounds 3",
         "--size 640x360 --texels 256 --frames 8 --rounds 15 --components 100",
+    ),
+    step(
+        "scale",
+        false,
+        "--materials 1,10,100,1000 --sides 256,2048 --size 160x90 --frames 20",
+        "",
     ),
     step(
         "stream",
