@@ -109,7 +109,7 @@ const STEPS: [Step; 10] = [
 const INPUTS: [(&str, &str, &str); 3] = [
     (
         "cloth.npy",
-        "synth cloth --size 64 --sampling sparse31 -o {}/cloth.npy",
+        "synth cloth --size 128 --sampling sparse31 -o {}/cloth.npy",
         "synth cloth --size 256 -o {}/cloth.npy",
     ),
     (
