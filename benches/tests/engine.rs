@@ -51,6 +51,11 @@ fn frames_are_measured_and_a_static_view_does_nothing() {
         0.0 < saved.load_ms[0] && saved.load_ms[0] < saved.load_ms[1],
         "{saved:?}"
     );
+    assert!(
+        0.0 < saved.upload_ms[0] && saved.upload_ms[0] < saved.upload_ms[1],
+        "{saved:?}"
+    );
+    assert!(saved.pixels_ms[0] <= saved.pixels_ms[1], "{saved:?}");
     // A frame that is not drawn takes less than one that is, even here.
     assert!(
         0.0 < saved.still_ms[0] && saved.still_ms[0] < saved.still_ms[1],

@@ -10,11 +10,11 @@ fn memory_besides_the_caches_follows_the_tiles() {
         frames: 8,
         cache_bytes: [16 << 20, 4 << 20],
     };
-    let rows = measure(&plan, &|_| ()).unwrap();
-    let text = table(&rows);
+    let results = measure(&plan, &|_| ()).unwrap();
+    let (text, rows) = (table(&results), &results.rows);
     println!("{text}");
     assert_eq!(text.lines().count(), 2 + rows.len());
-    let json = serde_json::to_value(&rows).unwrap();
+    let json = serde_json::to_value(rows).unwrap();
     assert_eq!(json[2]["materials"], 200);
     // 256² are 16 + 4 + 1 tiles and the root, 2048² have 1024 + 256 + 64 more.
     assert_eq!([rows[0].tiles, rows[3].tiles], [22, 2 * (22 + 1344)]);

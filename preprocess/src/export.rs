@@ -15,7 +15,7 @@ use tileset::{
     Archive, Column, Direction, GROUP_COMPONENTS, Ledger, Manifest, Page, PageId, Pyramid, ReadAt, Tile,
 };
 
-use crate::build::Finest;
+use crate::build::DecodedMip;
 use crate::npy::{Dtype, NpyWriter};
 use crate::output::AtomicFile;
 use crate::progress::{Phase, Progress, ProgressFn};
@@ -94,7 +94,10 @@ pub fn export(path: &Path, folder: &Path, progress: ProgressFn<'_>) -> Result<()
 }
 
 /// The column of a group and the finest mip of its textures, as every reader of the archive sees them.
-pub(crate) fn decode_group<R: ReadAt>(archive: &Archive<R>, group: u16) -> tileset::Result<(Column, Finest)> {
+pub(crate) fn decode_group<R: ReadAt>(
+    archive: &Archive<R>,
+    group: u16,
+) -> tileset::Result<(Column, DecodedMip)> {
     let column = archive
         .index
         .decoder
@@ -103,9 +106,9 @@ pub(crate) fn decode_group<R: ReadAt>(archive: &Archive<R>, group: u16) -> tiles
 }
 
 /// All pages of one group, coarse to fine; what is kept is the finest mip.
-fn decode_finest<R: ReadAt>(archive: &Archive<R>, group: u16) -> tileset::Result<Finest> {
+fn decode_finest<R: ReadAt>(archive: &Archive<R>, group: u16) -> tileset::Result<DecodedMip> {
     let pyramid: &Pyramid = &archive.index.pyramid;
-    let mut finest = Finest::new(pyramid);
+    let mut finest = DecodedMip::new(pyramid, 0);
     let mut parents: HashMap<Tile, Page> = HashMap::new();
     for mip in (0..=pyramid.tail_mip()).rev() {
         let (columns, rows) = pyramid.grid(mip);

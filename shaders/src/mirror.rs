@@ -60,8 +60,8 @@ mirror! {
         pub count_work: u32,
         /// 1 if pages are bytes, to be multiplied by the scales of their slots.
         pub scaled: u32,
-        /// Not used.
-        pub pad: u32,
+        /// 1 if the nearest mip is read alone.
+        pub nearest_mip: u32,
         /// Not used.
         pub pads: UVec2,
     }

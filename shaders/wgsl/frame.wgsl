@@ -31,7 +31,8 @@ struct Frame {
     count_work: u32,
     // 1 if pages are bytes, to be multiplied by the scales of their slots.
     scaled: u32,
-    pad: u32,
+    // 1 if the nearest mip is read alone, without the other of the two around the level of detail.
+    nearest_mip: u32,
     pads: vec2<u32>,
 }
 

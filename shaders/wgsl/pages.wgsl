@@ -40,7 +40,8 @@ fn footprint(surface: Surface) -> Footprint {
     let step = max(length(surface.st_dx * texels), length(surface.st_dy * texels)) * frame.pixel_scale;
     let coarsest = f32(materials[m].mip_count - 1u);
     // Written so that a step that is no number ends at the coarsest mip.
-    let lod = select(coarsest, clamp(log2(max(step, 1e-9)), 0.0, coarsest), step < MAX_STEP);
+    let exact = select(coarsest, clamp(log2(max(step, 1e-9)), 0.0, coarsest), step < MAX_STEP);
+    let lod = select(exact, floor(exact + 0.5), frame.nearest_mip != 0u);
     var result: Footprint;
     result.mip = u32(lod);
     result.blend = lod - floor(lod);

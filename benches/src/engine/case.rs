@@ -3,7 +3,7 @@
 use std::collections::HashSet;
 use std::time::{Duration, Instant};
 
-use engine::frame::{Budgets, Engine, Options};
+use engine::frame::{Budgets, Engine, FrameStats, Options};
 use engine::gpu::page_cache::SLOT_BYTES;
 use engine::gpu::{Context, PageFormat, ShadingWork};
 use engine::residency::MaterialId;
@@ -120,15 +120,21 @@ pub fn measure(subject: &Subject, plan: &Plan, progress: &dyn Fn(&str)) -> Resul
     let mut engine = start(context.clone(), subject, plan)?;
     let mut skipped = Skipped::default();
     let (mut resident_rms, mut saved) = (0f64, Saved::default());
-    let watch = Instant::now();
+    let (watch, mut upload_ms) = (Instant::now(), 0.0);
     for (number, camera) in subject.cameras.iter().enumerate() {
         progress(&format!("{}: loading view {}", subject.name, number + 1));
-        resident_rms = resident_rms.max(settle(&mut engine, camera)?);
+        let frames = frames(&mut engine, camera)?;
+        upload_ms += frames.iter().map(|stats| stats.ms.upload).sum::<f64>();
+        resident_rms = frames
+            .last()
+            .map_or(0.0, |stats| stats.predicted_rms)
+            .max(resident_rms);
     }
     let load_ms = watch.elapsed().as_secs_f64() * 1e3;
     pages(&mut engine, &subject.cameras, &mut skipped, &mut saved)?;
     let all = skipped.pages as f64 / skipped.pages_wanted.max(1) as f64;
     saved.load_ms = [load_ms, load_ms * all];
+    saved.upload_ms = [upload_ms, upload_ms * all];
     progress(&format!("{}: with and without", subject.name));
     let (duel, vote_bytes) = Duel::measure(&mut engine, &subject.cameras, plan.rounds)?;
     let tiles: u32 = engine
@@ -146,6 +152,9 @@ pub fn measure(subject: &Subject, plan: &Plan, progress: &dyn Fn(&str)) -> Resul
         settle(&mut engine, camera)?;
         count(&mut engine, &mut skipped)?;
     }
+    let seen = (skipped.pixels - skipped.pixels_empty).max(1);
+    let shade_ms = duel.virtual_ms.shade;
+    saved.pixels_ms = [shade_ms, shade_ms * skipped.pixels as f64 / seen as f64];
     drop(engine);
     progress(&format!("{}: in flight", subject.name));
     // At least a page for each material, so that the flight is one.
@@ -185,11 +194,16 @@ fn start(context: Context, subject: &Subject, plan: &Plan) -> Result<Engine> {
     Ok(engine)
 }
 
-/// Settles a view; what error is left.
-fn settle(engine: &mut Engine, camera: &Camera) -> Result<f64> {
+/// Settles a view.
+fn settle(engine: &mut Engine, camera: &Camera) -> Result<()> {
+    frames(engine, camera).map(|_| ())
+}
+
+/// The frames until a view has settled.
+fn frames(engine: &mut Engine, camera: &Camera) -> Result<Vec<FrameStats>> {
     let frames = engine.settle(camera, LIMIT)?;
     match frames.last() {
-        Some(stats) if stats.settled => Ok(stats.predicted_rms),
+        Some(stats) if stats.settled => Ok(frames),
         _ => Err(Error::Invalid {
             what: "a view",
             found: engine.problems().last().unwrap_or("still loading").to_owned(),

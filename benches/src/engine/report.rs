@@ -143,15 +143,18 @@ fn write_skipped(text: &mut String, cases: &[Case]) -> std::fmt::Result {
 fn write_saved(text: &mut String, cases: &[Case]) -> std::fmt::Result {
     writeln!(
         text,
-        "| saved: with skipping / without | pages | decodes | kB | ms to load | fetches of groups | ms of a drawn frame | pixels | frames drawn, still | ms of a still frame | ms of feedback |\n|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|"
+        "| saved: with skipping / without | pages | decodes | kB | ms to load | of these uploads | fetches of groups | ms of a drawn frame | pixels | ms of shading | frames drawn, still | ms of a still frame | ms of feedback |\n|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|"
     )?;
     for case in cases {
         let (skipped, saved) = (&case.skipped, &case.saved);
-        let pair = |[with, without]: [f64; 2]| format!("{with:.2} / {without:.2}");
+        let pair = |[with, without]: [f64; 2]| match without > 0.0 {
+            true => format!("{with:.2} / {without:.2}"),
+            false => "–".into(), // not measured
+        };
         let [fetched, left_out, absent] = skipped.groups;
         writeln!(
             text,
-            "| {} | {} / {} | {} / {} | {:.0} / {:.0} | {} | {fetched} / {} | {} | {} / {} | {} / {} | {} | {} |",
+            "| {} | {} / {} | {} / {} | {:.0} / {:.0} | {} | {} | {fetched} / {} | {} | {} / {} | {} | {} / {} | {} | {} |",
             case.name,
             skipped.pages_wanted,
             skipped.pages,
@@ -160,10 +163,12 @@ fn write_saved(text: &mut String, cases: &[Case]) -> std::fmt::Result {
             saved.page_bytes[0] as f64 / 1e3,
             saved.page_bytes[1] as f64 / 1e3,
             pair(saved.load_ms),
+            pair(saved.upload_ms),
             fetched + left_out + absent,
             pair(saved.groups_ms),
             skipped.pixels - skipped.pixels_empty,
             skipped.pixels,
+            pair(saved.pixels_ms),
             case.still.drawn,
             case.still.frames,
             pair(saved.still_ms),

@@ -14,6 +14,7 @@ const LEAST_ROUNDS: usize = 5;
 
 /// What skipping saves. Pairs are with skipping, and without.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)] // what an earlier version did not measure is zero
 pub struct Saved {
     /// Bytes of the records of pages that some view of the way wants, and of all.
     pub page_bytes: [u64; 2],
@@ -22,6 +23,11 @@ pub struct Saved {
     /// Milliseconds of loading what the way wants from an empty cache: fetching from where the archives are, decoding, uploading, stitching; and
     /// what all pages of the scene would take at the same pace.
     pub load_ms: [f64; 2],
+    /// Of these the milliseconds in which the frames' thread brings pages and columns to the GPU.
+    pub upload_ms: [f64; 2],
+    /// Milliseconds on the GPU of shading the pixels that show a mesh, and what all pixels would take at the same pace, where the adapter
+    /// can tell.
+    pub pixels_ms: [f64; 2],
     /// Milliseconds of a settled frame that is drawn with the groups that matter, and with all that are there: medians, CPU and GPU.
     pub groups_ms: [f64; 2],
     /// Milliseconds of a frame in which nothing has changed, and of the same frame drawn all the same, likewise.

@@ -14,7 +14,7 @@ mod report;
 mod run;
 mod shots;
 
-pub use report::{plot, report, rows, table};
+pub use report::{plot, report, rows, side_by_side, table};
 pub(crate) use run::covered;
 pub use run::{Plan, Point, Quality, Results, Setting, Truth, measure};
 pub use shots::Shot;

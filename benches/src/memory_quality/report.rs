@@ -5,7 +5,7 @@ use std::fmt::Write;
 use engine::gpu::PageFormat;
 
 use super::shots::name;
-use super::{Point, Quality, Results, Shot};
+use super::{Point, Quality, Results, Setting, Shot};
 use crate::report::chart::{self, Axes, Series, chart, legend};
 use crate::report::{Image, Report};
 
@@ -247,6 +247,53 @@ fn picture(results: &Results, shot: &Shot) -> (Vec<Image>, String) {
     (images, caption)
 }
 
+/// The figure of the paper: too small, right, of lower rank with about the same memory, and full; below each its error map, of full residency
+/// against the uncompressed BTFs where they are known. `None` where the curve has no knee or there is one rank only.
+pub fn side_by_side(results: &Results) -> Option<Image> {
+    let right = &results.points[results.knee?].setting;
+    let of = |wanted: &dyn Fn(&Shot) -> bool| results.shots.iter().find(|shot| wanted(shot));
+    let is = |wanted: fn(&Setting, &Setting) -> bool| {
+        of(&|shot| {
+            shot.point
+                .is_some_and(|at| wanted(&results.points[at].setting, right))
+        })
+    };
+    let shots = [
+        is(|setting, right| setting.page_slots < right.page_slots && setting.share == right.share),
+        is(|setting, right| setting == right),
+        is(|setting, right| setting.share < right.share && setting.format == right.format),
+        of(&|shot| shot.point.is_none()),
+    ];
+    let columns: Vec<Vec<Image>> = shots
+        .into_iter()
+        .map(|shot| Some(picture(results, shot?).0))
+        .collect::<Option<_>>()?;
+    let (width, height) = results.plan.size;
+    let [across, down] = [columns.len(), columns.iter().map(Vec::len).max()?];
+    let full = [
+        (width + GAP) * across as u32 - GAP,
+        (height + GAP) * down as u32 - GAP,
+    ];
+    let mut rgb = vec![255; full[0] as usize * full[1] as usize * 3];
+    for (column, images) in columns.iter().enumerate() {
+        for (row, image) in images.iter().enumerate() {
+            let left = column * (width + GAP) as usize;
+            let top = row * (height + GAP) as usize;
+            for (y, line) in image.rgb.chunks_exact(width as usize * 3).enumerate() {
+                let at = ((top + y) * full[0] as usize + left) * 3;
+                rgb[at..at + line.len()].copy_from_slice(line);
+            }
+        }
+    }
+    Some(Image {
+        label: "too small, right, of lower rank, full".into(),
+        size: (full[0], full[1]),
+        rgb,
+    })
+}
+
+/// Pixels between the pictures of a figure.
+const GAP: u32 = 4;
 /// FLIP of the last colour of error maps: beyond a half a picture is wrong, by how much hardly matters.
 const ERROR_TO: f64 = 0.5;
 

@@ -31,8 +31,11 @@ const GRID: &str = "#d0d7de";
 /// A chart of its own, with points marked by circles and one of them, `mark`, by a ring.
 pub(crate) fn chart(axes: &Axes<'_>, series: &[Series], mark: Option<(f64, f64)>) -> String {
     let (width, height) = (LEFT + PANEL.0 + 18.0, TOP + PANEL.1 + 44.0);
+    // Long titles are written smaller: bold letters are about six tenths as wide as high.
+    let title_size = (width - 16.0) / (0.6 * axes.title.chars().count().max(1) as f64);
     let mut svg = format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" width=\"{width}\" height=\"{height}\" role=\"img\" font-family=\"sans-serif\" font-size=\"11\" fill=\"#24292f\"><title>{title}</title>\n<rect width=\"100%\" height=\"100%\" fill=\"#fff\"/>\n<text x=\"8\" y=\"18\" font-weight=\"bold\" font-size=\"13\">{title}</text>\n",
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" width=\"{width}\" height=\"{height}\" role=\"img\" font-family=\"sans-serif\" font-size=\"11\" fill=\"#24292f\"><title>{title}</title>\n<rect width=\"100%\" height=\"100%\" fill=\"#fff\"/>\n<text x=\"8\" y=\"16\" font-weight=\"bold\" font-size=\"{:.1}\">{title}</text>\n",
+        title_size.min(13.0),
         title = escape(axes.title),
     );
     let of_y = |y: f64| axes.log_above.map_or(y, |least| y.max(least).log10());
@@ -46,31 +49,33 @@ pub(crate) fn chart(axes: &Axes<'_>, series: &[Series], mark: Option<(f64, f64)>
     else {
         return svg + "<text x=\"62\" y=\"60\">nothing to draw</text></svg>\n";
     };
-    let at_x = |value: f64| LEFT + PANEL.0 * (value.log10() - x.0) / (x.1 - x.0);
-    let at_y = |value: f64| TOP + PANEL.1 * (y.1 - of_y(value)) / (y.1 - y.0);
+    let at = |point: &(f64, f64)| {
+        (
+            LEFT + PANEL.0 * (point.0.log10() - x.0) / (x.1 - x.0),
+            TOP + PANEL.1 * (y.1 - of_y(point.1)) / (y.1 - y.0),
+        )
+    };
     for (tick, label) in logarithmic_or_linear(x) {
-        line(
-            &mut svg,
-            &format!("M{:.1} {TOP}v{}", at_x(tick), PANEL.1),
-            GRID,
-            1.0,
-            false,
-        );
-        text(&mut svg, at_x(tick), TOP + PANEL.1 + 15.0, "middle", &label);
+        let x = at(&(tick, 1.0)).0;
+        line(&mut svg, &format!("M{x:.1} {TOP}v{}", PANEL.1), GRID, 1.0, false);
+        text(&mut svg, x, TOP + PANEL.1 + 15.0, "middle", &label);
     }
     let ticks: Vec<_> = match axes.log_above {
         Some(_) => logarithmic_or_linear(y),
         None => linear(y),
     };
     for (tick, label) in ticks {
-        line(
+        let y = at(&(1.0, tick)).1;
+        // What lies below a logarithmic axis is drawn on its lowest line.
+        let below = axes.log_above.is_some_and(|least| tick <= least * 1.001);
+        line(&mut svg, &format!("M{LEFT} {y:.1}h{}", PANEL.0), GRID, 1.0, false);
+        text(
             &mut svg,
-            &format!("M{LEFT} {:.1}h{}", at_y(tick), PANEL.0),
-            GRID,
-            1.0,
-            false,
+            LEFT - 5.0,
+            y + 4.0,
+            "end",
+            if below { "0" } else { &label },
         );
-        text(&mut svg, LEFT - 5.0, at_y(tick) + 4.0, "end", &label);
     }
     text(
         &mut svg,
@@ -79,15 +84,12 @@ pub(crate) fn chart(axes: &Axes<'_>, series: &[Series], mark: Option<(f64, f64)>
         "middle",
         axes.x,
     );
-    let mut written = Vec::new();
+    let mut labels = Labels::default();
     for series in series {
+        let places: Vec<_> = series.points.iter().filter(usable).map(at).collect();
         let mut path = String::new();
-        for (at, point) in series.points.iter().enumerate() {
-            if !usable(&point) {
-                continue;
-            }
-            let command = if path.is_empty() { 'M' } else { 'L' };
-            let (x, y) = (at_x(point.0), at_y(point.1));
+        for (number, (x, y)) in places.iter().enumerate() {
+            let command = if number == 0 { 'M' } else { 'L' };
             let _ = write!(path, "{command}{x:.1} {y:.1}"); // strings take everything
             let fill = if series.hollow { "#fff" } else { series.colour };
             let _ = writeln!(
@@ -96,39 +98,87 @@ pub(crate) fn chart(axes: &Axes<'_>, series: &[Series], mark: Option<(f64, f64)>
                 if series.labels.is_empty() { 2.5 } else { 3.5 },
                 series.colour
             );
-            if let Some(label) = series.labels.get(at) {
-                let (x, anchor) = if x > LEFT + 0.7 * PANEL.0 {
-                    (x - 7.0, "end")
-                } else {
-                    (x + 7.0, "start")
-                };
-                let wide = 6.2 * label.chars().count() as f64;
-                let left = if anchor == "end" { x - wide } else { x };
-                // Above the point, or below it; a label that would cover others in both places is left out.
-                let free = [y - 5.0, y + 14.0].into_iter().find(|&y| {
-                    written.iter().all(|&(from, to, at): &(f64, f64, f64)| {
-                        to < left || left + wide < from || (at - y).abs() > 11.0
-                    })
-                });
-                if let Some(y) = free {
-                    written.push((left, left + wide, y));
-                    text(&mut svg, x, y, anchor, label);
-                }
-            }
         }
         if !series.hollow {
             line(&mut svg, &path, series.colour, 1.8, series.dashed);
+            labels.lines.extend(places.windows(2).map(|two| [two[0], two[1]]));
         }
+        labels.points.extend(places);
     }
-    if let Some((x, y)) = mark.filter(|mark| usable(&mark)) {
+    if let Some((x, y)) = mark.filter(|mark| usable(&mark)).map(|mark| at(&mark)) {
         let _ = writeln!(
             svg,
-            "<circle cx=\"{:.1}\" cy=\"{:.1}\" r=\"7\" fill=\"none\" stroke=\"#24292f\" stroke-width=\"1.5\"/>",
-            at_x(x),
-            at_y(y)
+            "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"7\" fill=\"none\" stroke=\"#24292f\" stroke-width=\"1.5\"/>"
         );
     }
+    for series in series {
+        for (point, label) in series.points.iter().zip(&series.labels) {
+            if usable(&point)
+                && let Some((x, y, anchor)) = labels.place(at(point), label)
+            {
+                text(&mut svg, x, y, anchor, label);
+            }
+        }
+    }
     svg + "</svg>\n"
+}
+
+/// Where the names of points stand: beside them, and not on other names, points and curves.
+#[derive(Default)]
+struct Labels {
+    points: Vec<(f64, f64)>,
+    lines: Vec<[(f64, f64); 2]>,
+    /// Left, right, top, bottom.
+    written: Vec<[f64; 4]>,
+}
+
+impl Labels {
+    /// The place of which least is covered, and how text is anchored there. `None` where it would cover another name.
+    fn place(&mut self, (x, y): (f64, f64), label: &str) -> Option<(f64, f64, &'static str)> {
+        const HIGH: f64 = 9.0;
+        let wide = 6.0 * label.chars().count() as f64;
+        let sides = [(x + 9.0, "start"), (x - 9.0, "end"), (x, "middle")];
+        let places = sides.into_iter().flat_map(|(x, anchor)| {
+            let rises = match anchor {
+                "middle" => [-11.0, 18.0, -11.0],
+                _ => [-5.0, 13.0, 4.0],
+            };
+            rises.map(|rise| (x, y + rise, anchor))
+        });
+        let boxed = |&(x, y, anchor): &(f64, f64, &str)| {
+            let left = match anchor {
+                "start" => x,
+                "end" => x - wide,
+                _ => x - wide / 2.0,
+            };
+            [left, left + wide, y - HIGH, y + 2.0]
+        };
+        let cost = |place: &(f64, f64, &str)| {
+            let [left, right, top, bottom] = boxed(place);
+            let outside =
+                left < LEFT || right > LEFT + PANEL.0 + 16.0 || top < TOP - 12.0 || bottom > TOP + PANEL.1;
+            let over = |of: &&[f64; 4]| of[0] < right && left < of[1] && of[2] < bottom && top < of[3];
+            if outside || self.written.iter().any(|of| over(&of)) {
+                return None;
+            }
+            let inside = |x: f64, y: f64| left < x && x < right && top < y && y < bottom;
+            let points = self.points.iter().filter(|point| {
+                let [x, y] = [point.0.clamp(left, right), point.1.clamp(top, bottom)];
+                (x - point.0).hypot(y - point.1) < 4.0
+            });
+            let steps = |[from, to]: &[(f64, f64); 2]| {
+                (0..=64).any(|step| {
+                    let share = f64::from(step) / 64.0;
+                    inside(from.0 + (to.0 - from.0) * share, from.1 + (to.1 - from.1) * share)
+                })
+            };
+            Some(10 * points.count() + self.lines.iter().filter(|line| steps(line)).count())
+        };
+        let found = places.filter_map(|place| Some((cost(&place)?, place)));
+        let (_, place) = found.min_by_key(|(cost, _)| *cost)?;
+        self.written.push(boxed(&place));
+        Some(place)
+    }
 }
 
 /// Names of the curves, one below the other.
@@ -303,5 +353,29 @@ mod tests {
             );
             assert!(svg.contains("a &lt; b"));
         }
+    }
+
+    #[test]
+    fn names_do_not_cover_each_other() {
+        let mut labels = Labels {
+            points: vec![(200.0, 100.0), (203.0, 100.0), (420.0, 100.0)],
+            lines: vec![[(100.0, 0.0), (300.0, 200.0)]],
+            ..Labels::default()
+        };
+        for point in labels.points.clone() {
+            labels.place(point, "a setting").unwrap();
+        }
+        let [a, b, last] = labels.written[..] else {
+            panic!("three names are written")
+        };
+        assert!(
+            a[1] <= b[0] || b[1] <= a[0] || a[3] <= b[2] || b[3] <= a[2],
+            "{a:?} {b:?}"
+        );
+        // Of the right edge names are on the left.
+        assert!(last[1] < 420.0, "{last:?}");
+        // Where all is full, none is written over another.
+        let many = (0..50).filter(|_| labels.place((200.0, 100.0), "a setting").is_some());
+        assert!(many.count() < 10);
     }
 }

@@ -83,11 +83,17 @@ impl Report {
 
     /// Its text and tables, and at the end by what and on what it was measured.
     pub fn markdown(&self, origin: &Origin) -> String {
-        let mut text = String::new();
+        let (mut text, mut title) = (String::new(), None);
         for part in &self.parts {
             match part {
-                Part::Heading(heading) => text += &format!("### {heading}\n\n"),
-                Part::Markdown(part) => text += &format!("{}\n\n", part.trim_end()),
+                // Of sections without a word nothing would be left.
+                Part::Heading(heading) => title = Some(heading),
+                Part::Markdown(part) => {
+                    if let Some(heading) = title.take() {
+                        text += &format!("### {heading}\n\n");
+                    }
+                    text += &format!("{}\n\n", part.trim_end());
+                }
                 Part::Plots(_) | Part::Figures(_) => {}
             }
         }

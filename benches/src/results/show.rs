@@ -7,15 +7,16 @@ use serde::de::DeserializeOwned;
 
 use super::peers;
 use crate::report::Origin;
-use crate::{Error, Result, engine, memory_quality, policy, serve, stream, time_error};
+use crate::{Error, Result, engine, memory_quality, policy, scale, serve, stream, time_error};
 
 /// Kinds of results: each is a file `KIND.json`.
-pub const KINDS: [&str; 8] = [
+pub const KINDS: [&str; 9] = [
     "codec",
     "engine",
     "factorize",
     "memory-quality",
     "policy",
+    "scale",
     "serve",
     "stream",
     "time-error",
@@ -90,6 +91,7 @@ impl Kept {
                 let results = from(json)?;
                 (one(policy::table(&results)), svg(policy::plot(&results)))
             }
+            "scale" => (one(scale::table(&from(json)?)), Vec::new()),
             "serve" => {
                 let results = from(json)?;
                 let tables = vec![("races", serve::races(&results)), ("held", serve::held(&results))];

@@ -8,5 +8,5 @@ mod archive;
 mod run;
 mod table;
 
-pub use run::{Plan, Row, measure};
+pub use run::{Plan, Results, Row, measure};
 pub use table::table;

@@ -7,7 +7,7 @@ use engine::gpu::{Context, PageFormat};
 use engine::stream::MemorySource;
 use glam::{Affine3A, Vec2, Vec3};
 use scenes::{Camera, Instance, Light, Material, Mesh, Scene, Shape, Surface};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use tileset::Archive;
 
 use super::archive;
@@ -31,8 +31,15 @@ pub struct Plan {
     pub cache_bytes: [u64; 2],
 }
 
+/// All that was measured.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Results {
+    /// By case of the plan.
+    pub rows: Vec<Row>,
+}
+
 /// So many materials of a size.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Row {
     /// Materials.
     pub materials: usize,
@@ -70,7 +77,7 @@ pub struct Row {
 /// # Errors
 /// [`Error::Invalid`] for sizes that cannot be and views that do not settle; those of the engine, of which
 /// [`engine::Error::Budget`] says that the adapter cannot hold the tables of so much.
-pub fn measure(plan: &Plan, progress: &dyn Fn(&str)) -> Result<Vec<Row>> {
+pub fn measure(plan: &Plan, progress: &dyn Fn(&str)) -> Result<Results> {
     let context = Context::headless()?;
     let mut rows = Vec::new();
     for &(materials, side) in &plan.cases {
@@ -84,7 +91,7 @@ pub fn measure(plan: &Plan, progress: &dyn Fn(&str)) -> Result<Vec<Row>> {
         progress(&format!("{materials} materials of {side}²"));
         rows.push(row(&context, plan, materials, side)?);
     }
-    Ok(rows)
+    Ok(Results { rows })
 }
 
 fn row(context: &Context, plan: &Plan, materials: usize, side: u32) -> Result<Row> {

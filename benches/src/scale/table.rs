@@ -1,15 +1,15 @@
 //! Rows for people.
 
-use super::Row;
+use super::Results;
 
 /// A Markdown table.
-pub fn table(rows: &[Row]) -> String {
+pub fn table(results: &Results) -> String {
     let mut text = String::from(
         "| materials | texels | tiles | index, kB | GPU besides caches, MiB | host, MiB | process, MiB | known, ms | settled, ms | CPU moving, ms | submission | still | submission |\n\
          |---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|\n",
     );
     let mib = |bytes: u64| bytes as f64 / f64::from(1 << 20);
-    for row in rows {
+    for row in &results.rows {
         text.push_str(&format!(
             "| {} | {}² | {} | {:.1} | {:.2} | {:.2} | {} | {:.0} | {:.0} | {:.3} | {:.3} | {:.3} | {:.3} |\n",
             row.materials,

@@ -22,6 +22,7 @@ pub use race::{Race, Round};
 pub use report::{held, plot, races, table};
 use serde::{Deserialize, Serialize};
 
+use crate::engine::median;
 use crate::{Error, Result};
 
 /// How much is asked.
@@ -76,7 +77,11 @@ impl Results {
             return 0.0;
         };
         let pairs = nginx.rounds.iter().zip(&ours.rounds);
-        median(pairs.map(|(nginx, ours)| of(ours) / of(nginx)).collect())
+        median(
+            &mut pairs
+                .map(|(nginx, ours)| of(ours) / of(nginx))
+                .collect::<Vec<_>>(),
+        )
     }
 }
 
@@ -115,10 +120,4 @@ pub fn measure(program: &Path, archive: &Path, plan: &Plan, progress: &dyn Fn(&s
         races,
         held,
     })
-}
-
-/// The middle of values; 0 of none.
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(0.0)
 }

@@ -14,8 +14,8 @@ use super::{
     client::{self, Until},
     files::Site,
     host::{Host, failed},
-    median,
 };
+use crate::engine::median;
 use crate::{Error, Result};
 
 /// A host in rounds.
@@ -43,7 +43,7 @@ pub struct Round {
 impl Race {
     /// The middle of the rounds, each figure by itself; failures together.
     pub fn median(&self) -> Round {
-        let of = |of: fn(&Round) -> f64| median(self.rounds.iter().map(of).collect());
+        let of = |of: fn(&Round) -> f64| median(&mut self.rounds.iter().map(of).collect::<Vec<_>>());
         Round {
             requests_per_second: of(|round| round.requests_per_second),
             p50_ms: of(|round| round.p50_ms),

@@ -3,8 +3,8 @@
 //! A [`Family`] is one knob at several settings, the program's default among them; the rest is as it is by default.
 //!
 //! - [`measure`] (`run`) measures all of them on one scene and one BTF.
-//! - `pictures`: component groups, their cut-off, interpolation of directions, format of the page cache: frames of settled
-//!   views, against the best picture that the archives allow.
+//! - `pictures`: component groups, their cut-off, interpolation of directions, filter, arithmetic, format of the page cache: frames of
+//!   settled views, against the best picture that the archives allow.
 //! - `codes`: the quantizer: decoding, against V'. `factors`: passes of the factorization, against the BTF.
 //! - `front`: which settings are the best of their kind, and which are beaten by which. `rounds`: times by turns.
 //! - [`table`] and [`report`](fn@report) show.
@@ -38,6 +38,10 @@ pub enum Knob {
     CutOff,
     /// How columns are interpolated between directions.
     Angular,
+    /// Whether eigen-textures are filtered between mips.
+    Filter,
+    /// How precisely shading sums.
+    Arithmetic,
     /// Texels of the page cache.
     PageFormat,
     /// The step of the archive's quantizer.
@@ -89,6 +93,9 @@ pub struct Results {
     pub rounds: usize,
     /// By knob.
     pub families: Vec<Family>,
+    /// Knobs that could not be measured, and why.
+    #[serde(default)]
+    pub skipped: Vec<String>,
 }
 
 impl Knob {
@@ -98,6 +105,8 @@ impl Knob {
             Self::Components => "component groups",
             Self::CutOff => "cut-off of components",
             Self::Angular => "interpolation of directions",
+            Self::Filter => "filter of textures",
+            Self::Arithmetic => "arithmetic of sums",
             Self::PageFormat => "format of the page cache",
             Self::Quantizer => "step of the quantizer",
             Self::Passes => "passes of the factorization",

@@ -3,7 +3,7 @@
 use std::time::{Duration, Instant};
 
 use engine::angular::Angular;
-use engine::frame::{Budgets, Engine, Options, Policy};
+use engine::frame::{Arithmetic, Budgets, Engine, Filter, Options, Policy};
 use engine::gpu::{Context, PageFormat};
 use engine::metrics::Picture;
 use scenes::Camera;
@@ -20,8 +20,6 @@ const LIMIT: Duration = Duration::from_secs(300);
 /// Shares of the component groups, and cut-offs in parts of the default.
 const SHARES: [f64; 5] = [1.0, 0.75, 0.5, 0.25, 0.125];
 const CUT_OFFS: [f64; 7] = [0.0, 0.25, 1.0, 4.0, 16.0, 64.0, 256.0];
-/// Samples of textures that a group takes of its pages: one from each of two mips.
-const PAGE_SAMPLES: u32 = 2;
 
 /// How to measure.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -41,6 +39,8 @@ struct Setting {
     component_error: f64,
     angular: Angular,
     format: PageFormat,
+    filter: Filter,
+    arithmetic: Arithmetic,
 }
 
 impl Default for Setting {
@@ -52,15 +52,22 @@ impl Default for Setting {
             angular: options.angular,
             // What the engine takes where all has room, as here.
             format: options.page_format.unwrap_or_default(),
+            filter: options.filter,
+            arithmetic: options.arithmetic,
         }
     }
 }
 
-/// Measures all knobs of the engine at the views of a subject, two or more. `progress` gets words on what is next.
+/// Measures all knobs of the engine at the views of a subject, two or more; and says of which the adapter has one setting only.
+/// `progress` gets words on what is next.
 ///
 /// # Errors
 /// [`Error::Invalid`] for views that show nothing or do not fit into memory; those of the engine.
-pub(super) fn pictures(subject: &Subject, plan: &Plan, progress: &dyn Fn(&str)) -> Result<Vec<Family>> {
+pub(super) fn pictures(
+    subject: &Subject,
+    plan: &Plan,
+    progress: &dyn Fn(&str),
+) -> Result<(Vec<Family>, Vec<String>)> {
     if subject.cameras.len() < 2 {
         return Err(Error::Invalid {
             what: "the way of the camera",
@@ -74,33 +81,55 @@ pub(super) fn pictures(subject: &Subject, plan: &Plan, progress: &dyn Fn(&str)) 
         plan,
     };
     progress("the best pictures");
+    let usual = Setting::default();
     let best = Setting {
         component_error: 0.0,
         angular: Angular::Delaunay,
         format: PageFormat::Half,
         share: 1.0,
+        filter: Filter::Trilinear,
+        arithmetic: Arithmetic::Single,
     };
     let mut run = stage.start(best)?;
     let best = run.pictures()?;
-    let mut default = stage.start(Setting::default())?;
+    let mut default = stage.start(usual)?;
     default.pictures()?;
-    let mut families = Vec::new();
+    // The default beside itself: the same in all families.
+    progress("the default");
+    run = stage.with(run, usual)?;
+    let of_default = stage.measure(String::new(), &mut run, &mut default, &best)?;
+    let (mut families, mut skipped) = (Vec::new(), Vec::new());
     for (knob, settings) in settings() {
+        if knob == Knob::Arithmetic && !stage.context.has_half_arithmetic() {
+            skipped.push(format!(
+                "{}: {} has no arithmetic of half floats",
+                knob.title(),
+                stage.context.adapter()
+            ));
+            continue;
+        }
         let mut points = Vec::new();
         for setting in &settings {
-            let name = name(knob, setting);
-            progress(&format!("{}: {name}", knob.title()));
+            let setting_name = name(knob, setting);
+            if *setting == usual {
+                points.push(Point {
+                    setting: setting_name,
+                    ..of_default.clone()
+                });
+                continue;
+            }
+            progress(&format!("{}: {setting_name}", knob.title()));
             run = stage.with(run, *setting)?;
-            points.push(stage.measure(name, &mut run, &mut default, &best)?);
+            points.push(stage.measure(setting_name, &mut run, &mut default, &best)?);
         }
-        let usual = settings.iter().position(|setting| *setting == Setting::default());
+        let usual = settings.iter().position(|setting| *setting == usual);
         families.push(Family::new(knob, usual.unwrap_or(0), points));
     }
-    Ok(families)
+    Ok((families, skipped))
 }
 
 /// What is tried of each knob; the rest is the default.
-fn settings() -> [(Knob, Vec<Setting>); 4] {
+fn settings() -> [(Knob, Vec<Setting>); 6] {
     let usual = Setting::default();
     let shares = SHARES.map(|share| Setting { share, ..usual });
     let cut_offs = CUT_OFFS.map(|part| Setting {
@@ -108,11 +137,16 @@ fn settings() -> [(Knob, Vec<Setting>); 4] {
         ..usual
     });
     let angular = [Angular::Delaunay, Angular::Hemisphere].map(|angular| Setting { angular, ..usual });
+    let filters = [Filter::Trilinear, Filter::Bilinear].map(|filter| Setting { filter, ..usual });
     let formats = [PageFormat::Half, PageFormat::Byte].map(|format| Setting { format, ..usual });
+    let arithmetic = [Arithmetic::Auto, Arithmetic::Single, Arithmetic::Half];
+    let arithmetic = arithmetic.map(|arithmetic| Setting { arithmetic, ..usual });
     [
         (Knob::Components, shares.to_vec()),
         (Knob::CutOff, cut_offs.to_vec()),
         (Knob::Angular, angular.to_vec()),
+        (Knob::Filter, filters.to_vec()),
+        (Knob::Arithmetic, arithmetic.to_vec()),
         (Knob::PageFormat, formats.to_vec()),
     ]
 }
@@ -123,6 +157,15 @@ fn name(knob: Knob, setting: &Setting) -> String {
         Knob::Angular => match setting.angular {
             Angular::Delaunay => "Delaunay taps".into(),
             Angular::Hemisphere => "light hemispheres".into(),
+        },
+        Knob::Filter => match setting.filter {
+            Filter::Trilinear => "trilinear".into(),
+            Filter::Bilinear => "bilinear".into(),
+        },
+        Knob::Arithmetic => match setting.arithmetic {
+            Arithmetic::Auto => "as it chooses".into(),
+            Arithmetic::Single => "single precision".into(),
+            Arithmetic::Half => "half floats".into(),
         },
         Knob::PageFormat => match setting.format {
             PageFormat::Half => "half floats".into(),
@@ -156,6 +199,8 @@ impl<'a> Stage<'a> {
             component_error: setting.component_error,
             angular: setting.angular,
             page_format: Some(setting.format),
+            filter: setting.filter,
+            arithmetic: setting.arithmetic,
             fade_frames: 0,
             prefetch_seconds: 0.0,
             ..Options::default()
@@ -297,7 +342,12 @@ impl Run<'_> {
     /// Samples of textures that shading takes at all views, and bytes of what is resident.
     fn work(&mut self) -> Result<(f64, u64)> {
         let lights = self.subject.scene.lights.len() as u32;
-        let samples = PAGE_SAMPLES + lights * self.setting.angular.fetches();
+        // Of pages one sample in each mip.
+        let mips = match self.setting.filter {
+            Filter::Trilinear => 2,
+            Filter::Bilinear => 1,
+        };
+        let samples = mips + lights * self.setting.angular.fetches();
         let mut fetched = 0.0;
         for camera in self.cameras {
             self.settle(camera)?;

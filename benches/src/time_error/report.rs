@@ -94,11 +94,15 @@ fn verdict(results: &Results) -> String {
         ))
     };
     let beaten: Vec<_> = results.families.iter().filter_map(beaten).collect();
-    if beaten.is_empty() {
-        "All defaults are on the front.".into()
+    let mut text = if beaten.is_empty() {
+        "All defaults are on the front.".to_owned()
     } else {
         format!("Defaults that are not on the front: {}.", beaten.join("; "))
+    };
+    if !results.skipped.is_empty() {
+        text += &format!(" Not measured: {}.", results.skipped.join("; "));
     }
+    text
 }
 
 /// Everything, to read.

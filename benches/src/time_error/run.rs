@@ -41,7 +41,7 @@ pub fn measure(input: Input, plan: &Plan, settings: &Settings, progress: &dyn Fn
         Input::Made { texels, frames } => made(folder, texels, settings, frames)?,
         Input::Given(subject, btf) => (*subject, btf),
     };
-    let mut families = pictures(&subject, plan, progress)?;
+    let (mut families, skipped) = pictures(&subject, plan, progress)?;
     if let Some(path) = btf {
         families.extend(of_btf(&path, settings, plan.rounds, folder, progress)?);
     }
@@ -49,6 +49,7 @@ pub fn measure(input: Input, plan: &Plan, settings: &Settings, progress: &dyn Fn
         name: subject.name,
         rounds: plan.rounds,
         families,
+        skipped,
     })
 }
 

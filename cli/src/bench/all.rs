@@ -57,8 +57,9 @@ const fn step(name: &'static str, plot: bool, quick: &'static str, full: &'stati
     }
 }
 
-const STEPS: [Step; 8] = [
+const STEPS: [Step; 10] = [
     step("stability", false, "", "--full"),
+    step("endurance", false, "--minutes 10", ""),
     step("policy", true, "--frames 60 --pages 100,400,1600,6400", ""),
     step(
         "codec",
@@ -85,6 +86,12 @@ const STEPS: [Step; 8] = [
         "--size 640x360 --texels 256 --frames 8 --rounds 15 --components 100",
     ),
     step(
+        "scale",
+        false,
+        "--materials 1,10,100,1000 --sides 256,2048 --size 160x90 --frames 20",
+        "",
+    ),
+    step(
         "stream",
         true,
         "--materials 4 --size 192x108 --network 4g --network dsl --seconds 0",
@@ -102,7 +109,7 @@ const STEPS: [Step; 8] = [
 const INPUTS: [(&str, &str, &str); 3] = [
     (
         "cloth.npy",
-        "synth cloth --size 64 --sampling sparse31 -o {}/cloth.npy",
+        "synth cloth --size 128 --sampling sparse31 -o {}/cloth.npy",
         "synth cloth --size 256 -o {}/cloth.npy",
     ),
     (
@@ -203,16 +210,21 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     Ok(())
 }
 
-/// The grid of tori, all of cloth, with one view.
+/// The grid of tori, all of cloth, with one view: of many along the flight the one that is nearest to what it looks at.
 fn scene(path: &Path) -> Result<()> {
-    let subject = ::benches::engine::built_in(1, 1, 0)?;
+    let subject = ::benches::engine::built_in(1, 240, 0)?;
     let mut scene = subject.scene;
     for material in &mut scene.materials {
         if let Surface::Btf { archive, .. } = &mut material.surface {
             *archive = "cloth".into();
         }
     }
-    scene.cameras = subject.cameras;
+    let distance = |camera: &scenes::Camera| camera.eye.distance(camera.target);
+    let nearest = subject.cameras.into_iter();
+    scene.cameras = nearest
+        .min_by(|a, b| distance(a).total_cmp(&distance(b)))
+        .into_iter()
+        .collect();
     Ok(scenes::gltf::save(&scene, path)?)
 }
 

@@ -1,13 +1,13 @@
 //! `eigentile bench endurance`: a camera at random for an hour over a line that fails.
 
-use std::io::Write;
-
 use ::benches::endurance::{Plan, endure, table};
+use ::benches::report::Report;
 use anyhow::{Result, ensure};
 use clap::Args;
 
+use super::output::{Output, Shown};
+use crate::progress;
 use crate::render::parse_size;
-use crate::{file, progress};
 
 /// Let a camera wander over a line that fails, in simulated time: memory, budgets, and the picture in the end; fails if one is not as it should be.
 #[derive(Args)]
@@ -28,6 +28,8 @@ pub(crate) struct Arguments {
     /// Prints what was measured as JSON, and no progress.
     #[arg(long)]
     json: bool,
+    #[command(flatten)]
+    output: Output,
 }
 
 const EXAMPLES: &str = "\
@@ -65,11 +67,15 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let endured = endure(&plan, &|what| spinner.set_message(what.to_owned()));
     spinner.finish_and_clear();
     let endured = endured?;
-    if arguments.json {
-        file::print_json(&endured)?;
-    } else {
-        write!(std::io::stdout().lock(), "{}", table(&endured))?;
-    }
+    let text = table(&endured);
+    let shown = Shown {
+        rows: std::slice::from_ref(&endured),
+        report: Report::new("A camera at random over a line that fails").text(&text),
+        text,
+        device: Some(::engine::gpu::Context::headless()?.adapter()),
+        results: &endured,
+    };
+    arguments.output.give(arguments.json, shown)?;
     ensure!(endured.broken.is_empty(), "{}", endured.broken.join("; "));
     ensure!(
         endured.difference < MOST_DIFFERENCE,

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use ::benches::engine::{Subject, built_in};
-use ::benches::memory_quality::{Plan, Shot, Truth, measure, plot, report, table};
+use ::benches::memory_quality::{Plan, Truth, measure, plot, report, side_by_side, table};
 use ::engine::gpu::PageFormat;
 use anyhow::{Context, Result};
 use clap::{Args, ValueEnum};
@@ -11,7 +11,7 @@ use image::codecs::png::PngEncoder;
 use image::{ExtendedColorType, ImageEncoder};
 use scenes::Camera;
 
-use super::output::{Output, Shown};
+use super::output::{Plotted, Shown};
 use super::viewed::Viewed;
 use crate::render::parse_size;
 use crate::render::reference::References;
@@ -50,14 +50,12 @@ pub(crate) struct Arguments {
     /// Most memory on the GPU for pages and columns, MiB.
     #[arg(long, value_name = "N", default_value_t = 2048)]
     most_mib: u64,
-    /// Writes the curve of FLIP over memory.
-    #[arg(long, value_name = "FILE.svg")]
-    plot: Option<PathBuf>,
-    /// Writes the chosen pictures as PNG, numbered in the order of the report.
+    /// Writes the chosen pictures as PNG, numbered in the order of the report, and as figure.png too small, right, low rank and full
+    /// side by side, above their error maps.
     #[arg(long, value_name = "DIR")]
     pictures: Option<PathBuf>,
     #[command(flatten)]
-    output: Output,
+    output: Plotted,
     #[command(flatten)]
     viewed: Viewed,
 }
@@ -123,13 +121,17 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     });
     spinner.finish_and_clear();
     let results = results?;
-    if let Some(path) = &arguments.plot {
-        file::write(path, plot(&results).as_bytes())?;
-    }
     if let Some(folder) = &arguments.pictures {
         file::make_folder(folder)?;
         for (number, shot) in results.shots.iter().enumerate() {
-            save(&folder.join(format!("{number}.png")), shot)?;
+            save(
+                &folder.join(format!("{number}.png")),
+                shot.size,
+                shot.shown.as_flattened(),
+            )?;
+        }
+        if let Some(figure) = side_by_side(&results) {
+            save(&folder.join("figure.png"), figure.size, &figure.rgb)?;
         }
     }
     let shown = Shown {
@@ -139,14 +141,14 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         device: Some(results.adapter.clone()),
         results: &results,
     };
-    arguments.output.give(arguments.viewed.json, shown)
+    arguments
+        .output
+        .give(arguments.viewed.json, &plot(&results), shown)
 }
 
-/// A chosen picture as it is shown.
-fn save(path: &Path, shot: &Shot) -> Result<()> {
-    let (width, height) = shot.size;
+/// sRGB, `[y][x][rgb]`.
+fn save(path: &Path, (width, height): (u32, u32), rgb: &[u8]) -> Result<()> {
     let mut png = Vec::new();
-    let rgb = shot.shown.as_flattened();
     PngEncoder::new(&mut png).write_image(rgb, width, height, ExtendedColorType::Rgb8)?;
     file::write(path, &png)
 }

@@ -24,6 +24,16 @@ pub(super) struct Output {
     csv: Option<PathBuf>,
 }
 
+/// Arguments of measurements that draw a plot.
+#[derive(Args, Default)]
+pub(super) struct Plotted {
+    /// Draws a plot of what was measured.
+    #[arg(long, value_name = "FILE.svg")]
+    plot: Option<PathBuf>,
+    #[command(flatten)]
+    output: Output,
+}
+
 /// What was measured, in all its forms.
 pub(super) struct Shown<'a, T, R> {
     /// All of it.
@@ -45,6 +55,21 @@ struct Kept<'a, T> {
     origin: &'a Origin,
     #[serde(flatten)]
     results: &'a T,
+}
+
+impl Plotted {
+    /// Writes the plot, if it is asked for, and all else as [`Output::give`].
+    pub(super) fn give<T: Serialize, R: Serialize>(
+        &self,
+        json: bool,
+        svg: &str,
+        shown: Shown<'_, T, R>,
+    ) -> Result<()> {
+        if let Some(path) = &self.plot {
+            file::write(path, svg.as_bytes())?;
+        }
+        self.output.give(json, shown)
+    }
 }
 
 impl Output {

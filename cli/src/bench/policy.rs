@@ -9,10 +9,10 @@ use ::benches::report::Report;
 use anyhow::{Context, Result};
 use clap::Args;
 
-use super::output::{Output, Shown};
+use super::output::{Plotted, Shown};
 use super::viewed::Viewed;
+use crate::progress;
 use crate::render::parse_size;
-use crate::{file, progress};
 
 /// Measure the choice of what is resident: predicted error over cache size, of ours and of others.
 #[derive(Args)]
@@ -45,11 +45,8 @@ pub(crate) struct Arguments {
     /// Keeps the trace that is made or recorded.
     #[arg(long, value_name = "FILE")]
     record: Option<PathBuf>,
-    /// Draws error over cache size.
-    #[arg(long, value_name = "FILE.svg")]
-    plot: Option<PathBuf>,
     #[command(flatten)]
-    output: Output,
+    output: Plotted,
     #[command(flatten)]
     viewed: Viewed,
 }
@@ -88,20 +85,17 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     spinner.finish_and_clear();
     let results = results?;
     let svg = plot(&results);
-    if let Some(path) = &arguments.plot {
-        file::write(path, svg.as_bytes())?;
-    }
     let text = table(&results);
     let shown = Shown {
         rows: &results.points,
         report: Report::new(format!("What is resident: {}", results.name))
-            .plots(vec![svg])
+            .plots(vec![svg.clone()])
             .text(&text),
         text,
         device: None,
         results: &results,
     };
-    arguments.output.give(arguments.viewed.json, shown)
+    arguments.output.give(arguments.viewed.json, &svg, shown)
 }
 
 fn trace(arguments: &Arguments, progress: &dyn Fn(&str)) -> Result<Trace> {

@@ -1,14 +1,14 @@
 //! `eigentile bench scale`: what grows with the number of materials and their size.
 
-use std::io::Write;
-
+use ::benches::report::Report;
 use ::benches::scale::{Plan, measure, table};
 use anyhow::{Result, ensure};
 use clap::Args;
 
+use super::output::{Output, Shown};
 use super::viewed::cache_bytes;
+use crate::progress;
 use crate::render::parse_size;
-use crate::{file, progress};
 
 /// Measure memory, start-up and the CPU of a frame over the number of materials and their size, with virtual archives.
 #[derive(Args)]
@@ -42,6 +42,8 @@ pub(crate) struct Arguments {
     /// Prints what was measured as JSON, and no progress.
     #[arg(long)]
     json: bool,
+    #[command(flatten)]
+    output: Output,
 }
 
 const EXAMPLES: &str = "\
@@ -87,11 +89,16 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         cache_bytes: cache_bytes(arguments.cache_mib)?,
     };
     let spinner = progress::spinner("scale", arguments.json);
-    let rows = measure(&plan, &|what| spinner.set_message(what.to_owned()));
+    let results = measure(&plan, &|what| spinner.set_message(what.to_owned()));
     spinner.finish_and_clear();
-    let rows = rows?;
-    if arguments.json {
-        return file::print_json(&rows);
-    }
-    Ok(write!(std::io::stdout().lock(), "{}", table(&rows))?)
+    let results = results?;
+    let text = table(&results);
+    let shown = Shown {
+        rows: &results.rows,
+        report: Report::new("What grows with the number of materials and their size").text(&text),
+        text,
+        device: Some(::engine::gpu::Context::headless()?.adapter()),
+        results: &results,
+    };
+    arguments.output.give(arguments.json, shown)
 }

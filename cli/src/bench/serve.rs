@@ -7,8 +7,8 @@ use ::benches::serve::{Plan, measure, plot, table};
 use anyhow::{Context, Result};
 use clap::Args;
 
-use super::output::{Output, Shown};
-use crate::{file, progress};
+use super::output::{Plotted, Shown};
+use crate::progress;
 
 /// Measure the tile server beside nginx: requests per second, latency, and many connections held.
 #[derive(Args)]
@@ -35,11 +35,8 @@ pub(crate) struct Arguments {
     /// Requests of the busy ones; 0 leaves this part out.
     #[arg(long, value_name = "N", default_value_t = 1_000_000)]
     requests: u64,
-    /// Draws requests per second and latency, round by round.
-    #[arg(long, value_name = "FILE.svg")]
-    plot: Option<PathBuf>,
     #[command(flatten)]
-    output: Output,
+    output: Plotted,
     /// Prints what was measured as JSON, and no progress.
     #[arg(long)]
     json: bool,
@@ -80,18 +77,15 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     spinner.finish_and_clear();
     let results = results?;
     let svg = plot(&results);
-    if let Some(path) = &arguments.plot {
-        file::write(path, svg.as_bytes())?;
-    }
     let text = table(&results);
     let shown = Shown {
         rows: &results.races,
         report: Report::new("The tile server beside nginx")
-            .plots(vec![svg])
+            .plots(vec![svg.clone()])
             .text(&text),
         text,
         device: None,
         results: &results,
     };
-    arguments.output.give(arguments.json, shown)
+    arguments.output.give(arguments.json, &svg, shown)
 }

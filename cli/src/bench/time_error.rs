@@ -7,10 +7,10 @@ use ::preprocess::Settings;
 use anyhow::{Context, Result, ensure};
 use clap::Args;
 
-use super::output::{Output, Shown};
+use super::output::{Plotted, Shown};
 use super::viewed::Viewed;
+use crate::progress;
 use crate::render::parse_size;
-use crate::{file, progress};
 
 /// Measure run time against error, of every setting that trades one for the other, and whether the defaults are among the best.
 #[derive(Args)]
@@ -41,11 +41,8 @@ pub(crate) struct Arguments {
     /// Most memory on the GPU for pages and columns, MiB, of each of two engines.
     #[arg(long, value_name = "N", default_value_t = 1024)]
     most_mib: u64,
-    /// Draws error over time, one panel for each knob.
-    #[arg(long, value_name = "FILE.svg")]
-    plot: Option<PathBuf>,
     #[command(flatten)]
-    output: Output,
+    output: Plotted,
     #[command(flatten)]
     viewed: Viewed,
 }
@@ -103,9 +100,6 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     });
     spinner.finish_and_clear();
     let results = results?;
-    if let Some(path) = &arguments.plot {
-        file::write(path, plot(&results).as_bytes())?;
-    }
     let shown = Shown {
         rows: &results.settings(),
         text: table(&results),
@@ -113,5 +107,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         device: Some(::engine::gpu::Context::headless()?.adapter()),
         results: &results,
     };
-    arguments.output.give(arguments.viewed.json, shown)
+    arguments
+        .output
+        .give(arguments.viewed.json, &plot(&results), shown)
 }

@@ -33,6 +33,7 @@ mod viewing;
 mod votes;
 mod workers;
 
+pub use crate::gpu::Filter;
 pub use ahead::MAX_PREFETCHED_VIEWS;
 pub use engine::Engine;
 pub use events::Event;

@@ -3,7 +3,7 @@
 use crate::{
     Error, Result,
     angular::Angular,
-    gpu::{Caches, Context, PageFormat, Shading},
+    gpu::{Caches, Context, Filter, PageFormat, Shading},
 };
 
 /// Least bytes of host memory: what decodes a few pages at a time.
@@ -132,6 +132,8 @@ pub struct Options {
     pub angular: Angular,
     /// How precisely they are summed.
     pub arithmetic: Arithmetic,
+    /// How eigen-textures are filtered between mips.
+    pub filter: Filter,
     /// Frames in which a new page comes in; 0: at once. A view has settled when all are in.
     pub fade_frames: u32,
     /// Where pages are decoded.
@@ -173,6 +175,7 @@ impl Default for Options {
             component_error: Shading::default().component_error,
             angular: Angular::default(),
             arithmetic: Arithmetic::default(),
+            filter: Filter::default(),
             fade_frames: Shading::default().fade_frames,
             decode_on: Decode::default(),
             page_format: None,
@@ -218,6 +221,7 @@ impl Options {
         Shading {
             component_error: self.component_error,
             fade_frames: self.fade_frames,
+            filter: self.filter,
         }
     }
 

@@ -55,7 +55,7 @@ pub use look::Ask;
 pub use page_format::PageFormat;
 pub use present::{Area, Present};
 pub use renderer::Renderer;
-pub use resources::{Caches, Layout, Shading};
+pub use resources::{Caches, Filter, Layout, Shading};
 pub use shade::ShadingWork;
 pub use slot_scales::Rounded;
 pub use timers::GpuMilliseconds;

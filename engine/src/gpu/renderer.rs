@@ -15,7 +15,7 @@ use super::{
     page_format::PageFormat,
     readback,
     resident::Resident,
-    resources::{Caches, Groups, Layout, Materials, Passes, Shading},
+    resources::{Caches, Filter, Groups, Layout, Materials, Passes, Shading},
     shade::{Shade, ShadingWork, Textures, Variant, Way},
     stitch::Stitch,
     targets::{Targets, WORK_HEADER_BYTES},
@@ -116,6 +116,7 @@ impl Renderer {
     pub fn set_shading(&mut self, shading: Shading) {
         self.materials.shading = shading;
         self.materials.fade.frames = shading.fade_frames;
+        self.frame.nearest_mip = (shading.filter == Filter::Bilinear).into();
     }
 
     /// Chooses whether shading sums half floats, which the adapter must have.

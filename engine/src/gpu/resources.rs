@@ -105,6 +105,18 @@ pub struct Shading {
     pub component_error: f64,
     /// Frames in which a new page comes in; 0: at once.
     pub fade_frames: u32,
+    /// How eigen-textures are filtered.
+    pub filter: Filter,
+}
+
+/// How eigen-textures are filtered: bilinear inside of a mip, which is the finest or the coarsest wherever there is no other.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Filter {
+    /// Between the two mips around the level of detail.
+    #[default]
+    Trilinear,
+    /// In the nearest mip, which takes one sample instead of two and shows where the mip changes.
+    Bilinear,
 }
 
 impl Default for Shading {
@@ -114,6 +126,7 @@ impl Default for Shading {
             component_error: 5e-4,
             // A tenth of a second at 60 Hz.
             fade_frames: 6,
+            filter: Filter::default(),
         }
     }
 }

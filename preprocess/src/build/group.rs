@@ -6,8 +6,13 @@ use tileset::codec::pyramid_dct::{PageTables, Statistics, code_group, count_grou
 use tileset::codec::{Decoder, MipImage};
 use tileset::{Column, GROUP_COMPONENTS, Manifest, Page, PageId, Pyramid, Result, Tile};
 
-use super::Finest;
+use super::DecodedMip;
+use super::decoded::Loss;
 use crate::Factors;
+
+/// A page without a record of which no texel is missed by more, in steps of the quantizer, weighs nothing, and nobody gives a slot to
+/// it: at the default step that is 0.008 % of the BTF's root mean square, which the ledger does not count.
+const NOT_WORTH_A_SLOT: f64 = 1.0 / 256.0;
 
 /// What all groups share.
 pub(super) struct Material<'a> {
@@ -18,12 +23,12 @@ pub(super) struct Material<'a> {
 
 /// The records of one group, and what a decoder will make of them.
 pub(super) struct GroupRecords {
-    /// Page, its bytes, its weight in squared units of reflectance.
+    /// Page, its bytes, its weight in squared units of reflectance: what is lost where it is missing and its parent is drawn.
     pub(super) pages: Vec<(PageId, Vec<u8>, f64)>,
     pub(super) column: Vec<u8>,
     /// Mean square of the group's eigen-textures, in squared units of reflectance.
     pub(super) column_weight: f64,
-    pub(super) finest: Finest,
+    pub(super) finest: DecodedMip,
     pub(super) abrdfs: Column,
 }
 
@@ -58,27 +63,46 @@ impl Material<'_> {
         let column_weight = squares.sum::<f64>() / mips[0].texels.len() as f64 * squared_scale;
 
         let coded = code_group(self.manifest.codec.step(), &self.pyramid, group, &mips, tables)?;
-        let mut finest = Finest::new(&self.pyramid);
-        let mut pages = Vec::with_capacity(coded.len());
-        // Coarse to fine; of the decoded pages only those of two mips are kept.
+        let mut losses = Vec::with_capacity(coded.len());
+        // Coarse to fine; of the decoded pages, and of what they are put together to, only those of two mips are kept.
         let mut decoded: HashMap<Tile, Page> = HashMap::new();
-        for page in coded {
-            let (tile, id) = (
-                page.tile,
-                PageId {
-                    group,
-                    tile: page.tile,
-                },
-            );
-            let parent = self.pyramid.parent(tile).and_then(|parent| decoded.get(&parent));
-            let texels = decoder.page(id, &page.bytes, parent)?;
-            finest.put(&self.pyramid, tile, &texels);
-            if tile.mip > 0 {
-                decoded.retain(|kept, _| kept.mip <= tile.mip + 1);
-                decoded.insert(tile, texels);
+        let mut finest = DecodedMip::new(&self.pyramid, self.pyramid.tail_mip());
+        for coded in coded.chunk_by(|a, b| a.tile.mip == b.tile.mip) {
+            let mip = coded[0].tile.mip;
+            let coarser = std::mem::replace(&mut finest, DecodedMip::new(&self.pyramid, mip));
+            decoded.retain(|kept, _| kept.mip == mip + 1);
+            for page in coded {
+                let tile = page.tile;
+                let parent = self.pyramid.parent(tile).and_then(|parent| decoded.get(&parent));
+                let texels = decoder.page(PageId { group, tile }, &page.bytes, parent)?;
+                finest.put(&self.pyramid, tile, &texels);
+                if mip > 0 {
+                    decoded.insert(tile, texels);
+                }
             }
-            pages.push((id, page.bytes, page.weight * squared_scale));
+            // In the order of pages: row by row.
+            losses.extend(match losses.is_empty() {
+                true => vec![Loss {
+                    mean: coded[0].weight,
+                    largest: f64::INFINITY,
+                }],
+                false => finest.lost_without(&coarser, &self.pyramid),
+            });
         }
+        let least = (NOT_WORTH_A_SLOT * self.manifest.codec.step()).powi(2);
+        let pages = coded.into_iter().zip(losses).map(|(page, loss)| {
+            let id = PageId {
+                group,
+                tile: page.tile,
+            };
+            let counts = !page.bytes.is_empty() || loss.largest > least;
+            (
+                id,
+                page.bytes,
+                if counts { loss.mean * squared_scale } else { 0.0 },
+            )
+        });
+        let pages = pages.collect();
         Ok(GroupRecords {
             pages,
             abrdfs: decoder.column(group, &column)?,

@@ -3,11 +3,11 @@
 //! Source: Schwartz, Ruiters, Klein, 2013, section 6: groups of components, mips of eigen-textures, tiles, and
 //! pages coded against their up-sampled parents.
 
-mod finest;
+mod decoded;
 mod group;
 pub(crate) mod loss;
 
-pub(crate) use finest::Finest;
+pub(crate) use decoded::DecodedMip;
 
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -50,7 +50,7 @@ pub struct ArchiveBytes {
     pub manifest_bytes: u64,
     /// Pages of all groups and mips.
     pub pages: u64,
-    /// Pages that equal their up-sampled parents and take no bytes.
+    /// Pages that say nothing that their parents do not, and take no bytes.
     pub empty_pages: u64,
 }
 

@@ -4,7 +4,7 @@
 //! samples, and from its decoded archive. What is promised of every pixel:
 //!
 //! - it is finite;
-//! - against the decoded archive it is off by rounding only, and by the way in which a page without a record is interpolated;
+//! - against the decoded archive it is off by rounding only;
 //! - against the samples it is off by no more than what the archive lost there, and rounding. A pixel is a mean of samples
 //!   of weights wᵢ, so by Jensen's inequality (Σ wᵢ eᵢ)² ≤ Σ wᵢ eᵢ²: squared errors of the archive, filtered and interpolated as its
 //!   samples are, bound the squared error of the pixel. There is one light, of irradiance π, so that its cosine, at most 1, only lowers it.

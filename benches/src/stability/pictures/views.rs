@@ -16,6 +16,8 @@ pub(super) struct View {
     pub(super) camera: Camera,
     /// Whether the reference can tell what is right: not where texture coordinates are beyond the fractions of f32.
     pub(super) compared: bool,
+    /// Whether all of it is the very edge of the material.
+    pub(super) on_edge: bool,
 }
 
 impl View {
@@ -59,6 +61,7 @@ pub(super) fn views() -> Vec<View> {
         world_from_mesh: Affine3A::IDENTITY,
         camera,
         compared: true,
+        on_edge: false,
     };
     // A pixel in the middle of a picture is so large, a metre away.
     let pixel = 2.0 * (0.5 * facing.fov_y).tan() / SIZE.1 as f32;
@@ -121,6 +124,7 @@ pub(super) fn views() -> Vec<View> {
         },
         View {
             mesh: no_coordinates(Shape::Cylinder.mesh()),
+            on_edge: true,
             ..view("degenerate coordinates", Shape::Cylinder, facing)
         },
         View {
