@@ -24,13 +24,13 @@ fn measured(subject: &Subject, networks: Vec<NamedNetwork>) -> Results {
         page_cache_bytes: 64 << 20,
         column_cache_bytes: 16 << 20,
     };
-    measure(subject, &plan, &|_| ()).unwrap()
+    measure(subject, &subject.cameras[..1], &plan, &|_| ()).unwrap()
 }
 
 #[test]
 fn contenders_end_with_the_same_picture_and_ours_is_the_first() {
     let results = measured(&close_up(1, 8).unwrap(), networks());
-    assert_eq!((results.materials, results.views), (1, 8));
+    assert_eq!((results.materials, results.stands, results.views), (1, 1, 8));
     assert_eq!(results.replays.len(), 2 * 2 * Contender::ALL.len());
     for replay in &results.replays {
         let of = format!("{} {:?} {:?}", replay.network, replay.way, replay.contender);
@@ -51,7 +51,7 @@ fn contenders_end_with_the_same_picture_and_ours_is_the_first() {
         );
         assert_eq!(replay.resent_bytes > 0, replay.network == "lossy", "{of}");
         match replay.way {
-            Way::Static => {
+            Way::Standing(_) => {
                 // Bytes cannot have come faster than the line carries them.
                 let (bits, trip) = if replay.network == "wide" {
                     (2e8, 0.02)
@@ -88,7 +88,7 @@ fn contenders_end_with_the_same_picture_and_ours_is_the_first() {
     }
     // A static view needs the same records, whatever their order; ours leaves out what makes no difference.
     let bytes = |contender| {
-        let mut of = results.of("wide", Way::Static);
+        let mut of = results.of("wide", Way::Standing(0));
         of.find(|replay| replay.contender == contender)
             .unwrap()
             .settled
@@ -97,7 +97,7 @@ fn contenders_end_with_the_same_picture_and_ours_is_the_first() {
     };
     assert_eq!(bytes(Contender::Breadth), bytes(Contender::Demand));
     assert!(bytes(Contender::Ours) <= bytes(Contender::Breadth));
-    let ours = results.of("wide", Way::Static).next().unwrap();
+    let ours = results.of("wide", Way::Standing(0)).next().unwrap();
     assert_eq!((ours.contender, ours.round_trips), (Contender::Ours, Some(3)));
 
     let table = table(&results);

@@ -99,7 +99,7 @@ impl Kept {
             }
             "stream" => {
                 let results = from(json)?;
-                let still = [("static", stream::still(&results))];
+                let still = [("standing", stream::still(&results))];
                 let moving = stream::moving(&results).map(|moving| ("moving", moving));
                 (
                     parts(still.into_iter().chain(moving).collect()),

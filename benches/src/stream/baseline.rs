@@ -18,6 +18,10 @@ use super::slots::Slots;
 
 /// Updates after which what failed is asked for again.
 const RETRY: u64 = 60;
+/// Most records that are asked for and not here: what can be on its way by the engine's own budgets.
+const REQUESTS: usize = 64;
+/// What a record costs on the line besides its bytes: what [`engine::stream::Network`] counts, to within what matters for an order.
+const HEADER_BYTES: f64 = 300.0;
 
 pub(super) struct Baseline {
     contender: Contender,
@@ -268,7 +272,9 @@ impl Policy for Baseline {
     }
 
     fn set_limits(&mut self, limits: Limits) -> Resized {
-        self.limits = limits;
+        // Records are asked for in the order in which they are named here: no more at a time than can be on their way.
+        let in_flight = limits.in_flight.min(REQUESTS);
+        self.limits = Limits { in_flight, ..limits };
         self.changed = true;
         self.predicted.set(None);
         let mut resized = Resized::default();
@@ -299,6 +305,9 @@ impl Policy for Baseline {
         self.votes.extend_from_slice(votes);
         for seen in &mut self.seen {
             seen.set_votes(votes, self.now);
+            if self.contender == Contender::Bound {
+                seen.schedule(HEADER_BYTES);
+            }
         }
         let wanted = |item: &Item| self.is_wanted(*item);
         let resident: Vec<Item> = self
@@ -361,6 +370,12 @@ impl Policy for Baseline {
         if self.in_flight.remove(&item).is_some() {
             self.failed.insert(item, self.now + RETRY);
             self.changed = true;
+        }
+    }
+
+    fn set_importance(&mut self, material: MaterialId, importance: f32) {
+        if let Some(seen) = self.seen.get_mut(usize::from(material.0)) {
+            seen.importance = importance.into();
         }
     }
 

@@ -17,6 +17,8 @@ const SEED: u64 = 1;
 struct AtOnce {
     inner: Box<dyn TileSource>,
     answers: VecDeque<Answer>,
+    /// Indices cost no bytes.
+    free_indices: bool,
 }
 
 impl AtOnce {
@@ -31,7 +33,11 @@ impl AtOnce {
         }
         answers.sort_by_key(|answer| answer.ticket);
         for mut answer in answers {
-            answer.wire_bytes = answer.bytes.as_ref().map_or(0, |bytes| bytes.len() as u64);
+            let is_free = self.free_indices && matches!(answer.request, Request::Index { .. });
+            answer.wire_bytes = match &answer.bytes {
+                Ok(bytes) if !is_free => bytes.len() as u64,
+                _ => 0,
+            };
             self.answers.push_back(answer);
         }
     }
@@ -76,9 +82,18 @@ pub(crate) struct Line(Rc<RefCell<Ends>>);
 
 impl Line {
     pub(crate) fn new(inner: Box<dyn TileSource>, network: Network) -> Self {
-        let answers = VecDeque::new();
+        Self::with_indices(inner, network, false)
+    }
+
+    /// The same, where indices may cost no bytes.
+    pub(crate) fn with_indices(inner: Box<dyn TileSource>, network: Network, free_indices: bool) -> Self {
+        let at_once = AtOnce {
+            inner,
+            answers: VecDeque::new(),
+            free_indices,
+        };
         Self(Rc::new(RefCell::new(Ends {
-            source: NetworkSource::new(AtOnce { inner, answers }, network, SEED),
+            source: NetworkSource::new(at_once, network, SEED),
             came: Vec::new(),
         })))
     }

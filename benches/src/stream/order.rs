@@ -4,6 +4,8 @@ use engine::residency::{Item, MaterialId, MaterialInfo, Vote};
 use serde::{Deserialize, Serialize};
 use tileset::PageId;
 
+use super::schedule::rates;
+
 /// What decides.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -18,11 +20,16 @@ pub enum Contender {
     /// Schwartz, Ruiters, Klein 2013: pages by P = w·v (equations 8 and 9), columns by the same sum over the resident pages
     /// of their group (section 6), one by one; the page of the least cost (equation 10) gives way.
     Paper,
+    /// No contender but what none can do: indices cost nothing, and records come in the exact best order for the gains that
+    /// `engine::residency` counts by.
+    Bound,
 }
 
 impl Contender {
     /// Ours first.
-    pub const ALL: [Self; 4] = [Self::Ours, Self::Breadth, Self::Demand, Self::Paper];
+    pub const ALL: [Self; 5] = [Self::Ours, Self::Breadth, Self::Demand, Self::Paper, Self::Bound];
+    /// What ours is measured against.
+    pub const BASELINES: [Self; 3] = [Self::Breadth, Self::Demand, Self::Paper];
 
     /// For people.
     pub fn name(self) -> &'static str {
@@ -31,6 +38,7 @@ impl Contender {
             Self::Breadth => "breadth first",
             Self::Demand => "demand, LRU",
             Self::Paper => "order of 2013",
+            Self::Bound => "bound",
         }
     }
 }
@@ -48,6 +56,10 @@ pub(super) struct Seen {
     pub(super) wanted: Vec<usize>,
     /// Update from which on pixels have wanted the tile itself.
     since: Vec<u64>,
+    /// What errors count for.
+    pub(super) importance: f64,
+    /// In the best schedule the gain a byte of the block of each page, `[group][tile]`.
+    rates: Vec<f64>,
 }
 
 impl Seen {
@@ -72,6 +84,8 @@ impl Seen {
             counts: vec![0; tiles],
             wanted: Vec::new(),
             since: vec![0; tiles],
+            importance: 1.0,
+            rates: Vec::new(),
         }
     }
 
@@ -97,6 +111,34 @@ impl Seen {
         self.wanted = (0..self.counts.len())
             .filter(|&tile| self.counts[tile] > 0)
             .collect();
+    }
+
+    /// Works out the best schedule for the present votes: of each group a tree of its column, its root, and its other pages.
+    pub(super) fn schedule(&mut self, header_bytes: f64) {
+        self.rates = vec![0.0; usize::from(self.info.groups) * self.tiles()];
+        let mut places = vec![0; self.tiles()];
+        for (place, &tile) in (1..).zip(&self.wanted) {
+            places[tile] = place;
+        }
+        for group in 0..self.info.groups {
+            let cost = |item| match self.bytes(item) {
+                // What is not stored is not sent either.
+                0 => f64::MIN_POSITIVE,
+                bytes => bytes as f64 + header_bytes,
+            };
+            let (mut gains, mut parents) = (vec![0.0], vec![None]);
+            let mut bytes = vec![cost(Item::Column(self.id, group))];
+            for &tile in &self.wanted {
+                gains.push(self.importance * self.priority(group, tile));
+                bytes.push(self.page(group, tile).map_or(f64::MIN_POSITIVE, cost));
+                parents.push(Some(self.parents[tile].map_or(0, |parent| places[parent])));
+            }
+            let rates = rates(&gains, &bytes, &parents);
+            let first = usize::from(group) * self.tiles();
+            for (&tile, rate) in self.wanted.iter().zip(&rates[1..]) {
+                self.rates[first + tile] = *rate;
+            }
+        }
     }
 
     pub(super) fn tiles(&self) -> usize {
@@ -165,6 +207,7 @@ impl Order {
                 Key(f64::from(place), depth, 2 * u32::from(group) + 1)
             }
             Contender::Paper => Key(-seen.priority(group, tile), 1, 0),
+            Contender::Bound => Key(-seen.rates[usize::from(group) * seen.tiles() + tile], 1, depth),
             _ => Key(f64::from(depth), 2 * u32::from(group) + 1, 0),
         }
     }
@@ -177,6 +220,8 @@ impl Order {
                 Key(f64::from(place), 0, 2 * u32::from(group))
             }
             Contender::Paper => Key(-resident, 0, 0),
+            // With the root, which is right behind it.
+            Contender::Bound => Key(-seen.rates[usize::from(group) * seen.tiles()], 0, 0),
             _ => Key(0.0, 2 * u32::from(group), 0),
         }
     }

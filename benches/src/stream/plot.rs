@@ -3,7 +3,8 @@
 use super::{Contender, Replay, Results, Way};
 
 /// In the order of the legend: colours that differ in lightness too.
-const SERIES: [(Contender, &str); 4] = [
+const SERIES: [(Contender, &str); 5] = [
+    (Contender::Bound, "#8c959f"),
     (Contender::Breadth, "#bf8700"),
     (Contender::Demand, "#cf222e"),
     (Contender::Paper, "#8250df"),
@@ -19,18 +20,19 @@ const GREY: &str = "#d0d7de";
 /// What is drawn to the right.
 type Axis = fn(&super::Mark) -> f64;
 
-/// A row of two panels for each network: the static view over bytes, and over seconds.
+/// A row of two panels for each network: standing views over bytes, and over seconds.
 pub fn plot(results: &Results) -> String {
     let rows = results.plan.networks.len() as f64;
     let (width, height) = (2.0 * (PANEL.0 + LEFT) + 20.0, TOP + rows * ROW + 12.0);
     let mut svg = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" viewBox=\"0 0 {width} {height}\" font-family=\"sans-serif\" font-size=\"11\" fill=\"#24292f\">\n<rect width=\"100%\" height=\"100%\" fill=\"#fff\"/>\n"
     );
-    let title = format!("SSIM to the settled picture, static view: {}", results.name);
+    let title = format!("SSIM to the settled picture, standing views: {}", results.name);
     svg += &text(8.0, 18.0, "start", &title, true);
     for (row, named) in results.plan.networks.iter().enumerate() {
         let top = TOP + row as f64 * ROW;
-        let replays: Vec<&Replay> = results.of(&named.name, Way::Static).collect();
+        let stands = (0..results.stands).map(Way::Standing);
+        let replays: Vec<&Replay> = stands.flat_map(|way| results.of(&named.name, way)).collect();
         let axes: [(&str, Axis); 2] = [
             ("MB", |mark| mark.bytes as f64 / 1e6),
             ("seconds", |mark| mark.seconds),
@@ -93,15 +95,13 @@ fn panel(replays: &[&Replay], (left, top): (f64, f64), unit: &str, value: fn(&su
     for (contender, colour) in SERIES {
         let of = replays.iter().filter(|replay| replay.contender == contender);
         let mut path = String::new();
-        for point in of.flat_map(|replay| &replay.points) {
-            let (x, y) = (at_x(value(&point.at)), at_y(point.ssim));
-            path += &if path.is_empty() {
-                format!("M{x:.1} {y:.1}")
-            } else {
-                format!("L{x:.1} {y:.1}")
-            };
+        for replay in of {
+            for (at, point) in replay.points.iter().enumerate() {
+                let (x, y) = (at_x(value(&point.at)), at_y(point.ssim));
+                path += &format!("{}{x:.1} {y:.1}", if at == 0 { "M" } else { "L" });
+            }
         }
-        let stroke = if contender == Contender::Ours { 3.0 } else { 1.5 };
+        let stroke = if contender == Contender::Ours { 2.5 } else { 1.2 };
         if !path.is_empty() {
             svg += &line(&path, colour, stroke);
         }

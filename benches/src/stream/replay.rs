@@ -65,7 +65,7 @@ pub struct Replay {
     pub contender: Contender,
     /// The first frame in which every material of the first view shows something of its own.
     pub first: Option<Mark>,
-    /// Round trips until then, where bytes take no time; the handshake is one. Only of the static view.
+    /// Round trips until then, where bytes take no time; the handshake is one. Only of standing views.
     pub round_trips: Option<u32>,
     /// From here on no picture was below 95 % of structural similarity, counted when the camera stood still.
     pub similar: Option<Mark>,
@@ -126,7 +126,8 @@ impl Stage<'_> {
     /// # Errors
     /// Those of the engine.
     pub(super) fn replay(&self, name: &str, network: Network, contender: Contender) -> Result<Replay> {
-        let line = Line::new(self.subject.archives.source()?, network);
+        let free_indices = contender == Contender::Bound;
+        let line = Line::with_indices(self.subject.archives.source()?, network, free_indices);
         let mut engine = self.engine(contender, &line)?;
         let mut result = Replay {
             network: name.to_owned(),

@@ -1,36 +1,45 @@
 //! Results for people.
 
-use super::{Mark, Results, Way};
+use super::{Contender, Mark, Replay, Results, Way};
 
 /// Tables in Markdown: a row for each network and contender, one table for each way.
 pub fn table(results: &Results) -> String {
-    let text = format!("Static view:\n\n{}", still(results));
+    let text = format!("Standing views:\n\n{}", still(results));
     match moving(results) {
         Some(moving) => format!("{text}\nMoving camera:\n\n{moving}"),
         None => text,
     }
 }
 
-/// The view that stays.
+/// The standing views: means over all of them.
 pub fn still(results: &Results) -> String {
     let mut text = String::from(
-        "| network | order | first picture | round trips | 95 % SSIM | bytes, of the best baseline | settled | lost | given up |\n|---|---|---:|---:|---:|---:|---:|---:|---:|\n",
+        "| network | order | first picture | round trips | 95 % SSIM | bytes, of the best baseline | by view | settled | lost | given up |\n|---|---|---:|---:|---:|---:|---:|---:|---:|---:|\n",
     );
     for named in &results.plan.networks {
-        let share = results.share_of_best(&named.name, Way::Static);
-        for replay in results.of(&named.name, Way::Static) {
-            let share = share.filter(|_| replay.contender == super::Contender::Ours);
+        for contender in Contender::ALL {
+            let replays = || results.standing(&named.name, contender);
+            let Some(count) = Some(replays().count()).filter(|count| *count > 0) else {
+                continue;
+            };
+            let mean = |bytes: fn(&Replay) -> u64| replays().map(bytes).sum::<u64>() / count as u64;
+            let trips = replays().map(|replay| replay.round_trips).max().flatten();
+            let compared = matches!(contender, Contender::Ours | Contender::Bound);
+            let of_best = |share: Option<String>| share.filter(|_| compared).unwrap_or_default();
+            let share = results.share_of_best(&named.name, contender);
+            let by_view = results.share_by_view(&named.name, contender);
             text += &format!(
-                "| {} | {} | {} | {} | {} | {} | {} | {} | {} |\n",
+                "| {} | {} | {} | {} | {} | {} | {} | {} | {} | {} |\n",
                 named.name,
-                replay.contender.name(),
-                mark(replay.first),
-                replay.round_trips.map_or("–".into(), |trips| trips.to_string()),
-                mark(replay.similar),
-                share.map_or(String::new(), |share| format!("{:.0} %", 100.0 * share)),
-                mark(replay.settled),
-                kilobytes(replay.resent_bytes),
-                kilobytes(replay.aborted_bytes),
+                contender.name(),
+                mark(mean_mark(replays().map(|replay| replay.first))),
+                trips.map_or("–".into(), |trips| trips.to_string()),
+                mark(mean_mark(replays().map(|replay| replay.similar))),
+                of_best(share.map(percent)),
+                of_best(by_view.map(|[least, most]| format!("{} to {}", percent(least), percent(most)))),
+                mark(mean_mark(replays().map(|replay| replay.settled))),
+                kilobytes(mean(|replay| replay.resent_bytes)),
+                kilobytes(mean(|replay| replay.aborted_bytes)),
             );
         }
     }
@@ -61,6 +70,24 @@ pub fn moving(results: &Results) -> Option<String> {
         }
     }
     moved.then_some(text)
+}
+
+/// `None` if one of them is.
+fn mean_mark(marks: impl Iterator<Item = Option<Mark>> + Clone) -> Option<Mark> {
+    let count = marks.clone().count().max(1);
+    let seconds: f64 = marks
+        .clone()
+        .map(|mark| Some(mark?.seconds))
+        .sum::<Option<f64>>()?;
+    let bytes: u64 = marks.map(|mark| Some(mark?.bytes)).sum::<Option<u64>>()?;
+    Some(Mark {
+        seconds: seconds / count as f64,
+        bytes: bytes / count as u64,
+    })
+}
+
+fn percent(share: f64) -> String {
+    format!("{:.0} %", 100.0 * share)
 }
 
 fn mark(mark: Option<Mark>) -> String {

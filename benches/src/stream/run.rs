@@ -4,7 +4,6 @@ use engine::frame::{Budgets, Options};
 use engine::gpu::{Context, PageFormat};
 use engine::stream::Network;
 use scenes::Camera;
-use scenes::paper::PaperScene;
 use serde::{Deserialize, Serialize};
 
 use super::replay::{FRAMES, Stage};
@@ -13,7 +12,7 @@ use crate::engine::{Subject, built_in};
 use crate::{Error, Result};
 
 /// Most views that are compared while the camera moves.
-const MOVING_VIEWS: usize = 8;
+const MOVING_VIEWS: usize = 16;
 
 /// A network with its name.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -28,8 +27,8 @@ pub struct NamedNetwork {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Way {
-    /// It stays at the first view.
-    Static,
+    /// It stays at the standing view of this number, from an empty cache on.
+    Standing(usize),
     /// Along the path, a view each sixtieth of a second; then it stays at the last.
     Moving,
 }
@@ -54,7 +53,9 @@ pub struct Results {
     pub name: String,
     /// Its archives.
     pub materials: usize,
-    /// Views of the path, one in each sixtieth of a second.
+    /// Standing views.
+    pub stands: usize,
+    /// Views of the path, one in each sixtieth of a second; one if the camera never moved.
     pub views: usize,
     /// Settings.
     pub plan: Plan,
@@ -69,73 +70,129 @@ impl Results {
         replays.filter(move |replay| replay.network == network && replay.way == way)
     }
 
-    /// Bytes that ours takes to 95 % of structural similarity, in parts of those of the best baseline; `None` if one of
-    /// them does not get there.
-    pub fn share_of_best(&self, network: &str, way: Way) -> Option<f64> {
-        let bytes = |replay: &Replay| replay.similar.map(|mark| mark.bytes as f64);
-        let mut replays = self.of(network, way);
-        let ours = replays
-            .find(|replay| replay.contender == Contender::Ours)
-            .and_then(bytes)?;
-        let baselines = self
-            .of(network, way)
-            .filter(|replay| replay.contender != Contender::Ours);
-        let best = baselines.filter_map(bytes).min_by(f64::total_cmp)?;
-        (best > 0.0).then_some(ours / best)
+    /// The replays of a network and contender at the standing views.
+    pub fn standing<'a>(
+        &'a self,
+        network: &'a str,
+        contender: Contender,
+    ) -> impl Iterator<Item = &'a Replay> + Clone {
+        let replays = self.replays.iter();
+        replays.filter(move |replay| {
+            let stands = matches!(replay.way, Way::Standing(_));
+            stands && replay.network == network && replay.contender == contender
+        })
+    }
+
+    /// Bytes that a contender takes to 95 % of structural similarity, all standing views together; `None` if it does not
+    /// get there in all of them.
+    pub fn similar_bytes(&self, network: &str, contender: Contender) -> Option<f64> {
+        let marks = self.standing(network, contender).map(|replay| replay.similar);
+        marks.map(|mark| Some(mark?.bytes as f64)).sum()
+    }
+
+    /// The baseline that takes the fewest bytes to 95 % of structural similarity, and how many: all standing views together.
+    pub fn best_baseline(&self, network: &str) -> Option<(Contender, f64)> {
+        let bytes = Contender::BASELINES
+            .into_iter()
+            .filter_map(|contender| Some((contender, self.similar_bytes(network, contender)?)));
+        bytes
+            .filter(|(_, bytes)| *bytes > 0.0)
+            .min_by(|a, b| a.1.total_cmp(&b.1))
+    }
+
+    /// Bytes to 95 % of structural similarity in parts of those of the best baseline: all standing views together.
+    pub fn share_of_best(&self, network: &str, contender: Contender) -> Option<f64> {
+        let (_, best) = self.best_baseline(network)?;
+        Some(self.similar_bytes(network, contender)? / best)
+    }
+
+    /// The same of the standing view in which it is least, and of that in which it is most.
+    pub fn share_by_view(&self, network: &str, contender: Contender) -> Option<[f64; 2]> {
+        let (best, _) = self.best_baseline(network)?;
+        let bytes = |contender| {
+            let marks = self.standing(network, contender).map(|replay| replay.similar);
+            marks.map(|mark| mark.map_or(f64::NAN, |mark| mark.bytes as f64))
+        };
+        let shares = bytes(contender).zip(bytes(best)).map(|(ours, best)| ours / best);
+        shares
+            .map(|share| [share, share])
+            .reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])])
     }
 }
 
-/// Measures a scene, whose cameras are a sixtieth of a second apart. `progress` gets words on what is next.
+/// Measures a scene from standing views, each from an empty cache on, and, if it has more than one, along its cameras, which
+/// are a sixtieth of a second apart. `progress` gets words on what is next.
 ///
 /// # Errors
-/// [`Error::Invalid`] for a way without views and materials that do not come; those of the engine.
-pub fn measure(subject: &Subject, plan: &Plan, progress: &dyn Fn(&str)) -> Result<Results> {
-    let (Some(&first), Some(&last)) = (subject.cameras.first(), subject.cameras.last()) else {
+/// [`Error::Invalid`] for a scene without views and materials that do not come; those of the engine.
+pub fn measure(
+    subject: &Subject,
+    stands: &[Camera],
+    plan: &Plan,
+    progress: &dyn Fn(&str),
+) -> Result<Results> {
+    if stands.is_empty() && subject.cameras.is_empty() {
         return Err(Error::Invalid {
             what: "the way of the camera",
             found: "without a view".into(),
             expected: "one view or more; give a camera path, or a scene with a mesh",
         });
-    };
+    }
     let context = Context::headless()?;
     let options = repeatable(plan.size, plan.page_cache_bytes, plan.column_cache_bytes);
     progress("settled views");
-    let mut cameras = vec![first];
-    let step = subject.cameras.len().div_ceil(MOVING_VIEWS).max(1);
-    // Not the first, in which nothing can be there, nor the last, where the camera stays.
-    let moving = subject.cameras.len().saturating_sub(1);
-    cameras.extend(subject.cameras[..moving].iter().skip(step / 2).step_by(step));
-    cameras.push(last);
-    let truths = truth::settle(&context, subject, &options, &cameras)?;
+    let path = match subject.cameras.len() {
+        0 | 1 => &[],
+        _ => &subject.cameras[..],
+    };
+    let truths = truth::settle(&context, subject, &options, stands)?;
+    let moving = truth::settle(&context, subject, &options, &compared(path))?;
     let mut results = Results {
         name: subject.name.clone(),
         materials: subject.scene.archives().len(),
-        views: subject.cameras.len(),
+        stands: stands.len(),
+        views: path.len().max(1),
         plan: plan.clone(),
         replays: Vec::new(),
     };
-    let mut ways = vec![(Way::Static, &subject.cameras[..1], &truths[..1])];
-    if subject.cameras.len() > 1 {
-        ways.push((Way::Moving, &subject.cameras[..], &truths[1..]));
-    }
-    for (way, cameras, truths) in &ways {
-        let stage = Stage {
+    let stage = |way| match way {
+        Way::Standing(at) => Stage {
             context: &context,
             subject,
             options: &options,
-            cameras,
-            truths,
-            start: &truths[0],
-            way: *way,
-        };
-        for NamedNetwork { name, network } in &plan.networks {
-            for contender in Contender::ALL {
-                let what = if *way == Way::Static { "standing" } else { "moving" };
+            cameras: &stands[at..=at],
+            truths: &truths[at..=at],
+            start: &truths[at],
+            way,
+        },
+        Way::Moving => Stage {
+            context: &context,
+            subject,
+            options: &options,
+            cameras: path,
+            truths: &moving[1..],
+            start: &moving[0],
+            way,
+        },
+    };
+    let ways = (0..stands.len()).map(Way::Standing);
+    for way in ways.chain((!path.is_empty()).then_some(Way::Moving)) {
+        let stage = stage(way);
+        for contender in Contender::ALL {
+            // Bytes take no time there, so it is the same on all networks.
+            let first = plan.networks.first().map(|named| named.network);
+            let trips = match (way, first) {
+                (Way::Standing(_), Some(network)) => stage.round_trips(network, contender)?,
+                _ => None,
+            };
+            for NamedNetwork { name, network } in &plan.networks {
+                let what = match way {
+                    Way::Standing(at) => format!("view {} of {}", at + 1, stands.len()),
+                    Way::Moving => "moving".to_owned(),
+                };
                 progress(&format!("{name}, {what}: {}", contender.name()));
                 let mut replay = stage.replay(name, *network, contender)?;
-                if *way == Way::Static {
-                    replay.round_trips = stage.round_trips(*network, contender)?;
-                }
+                replay.round_trips = trips;
                 results.replays.push(replay);
             }
         }
@@ -143,22 +200,33 @@ pub fn measure(subject: &Subject, plan: &Plan, progress: &dyn Fn(&str)) -> Resul
     Ok(results)
 }
 
+/// Views of a path at which pictures are compared: the first, some at equal distances, and the last.
+fn compared(path: &[Camera]) -> Vec<Camera> {
+    let (Some(&first), Some(&last)) = (path.first(), path.last()) else {
+        return Vec::new();
+    };
+    let mut cameras = vec![first];
+    let step = path.len().div_ceil(MOVING_VIEWS).max(1);
+    // Not the first, in which nothing can be there, nor the last, where the camera stays.
+    let moving = path.len().saturating_sub(1);
+    cameras.extend(path[..moving].iter().skip(step / 2).step_by(step));
+    cameras.push(last);
+    cameras
+}
+
 /// Views along a path for so many seconds.
 pub fn views(seconds: f64) -> usize {
     ((seconds * f64::from(FRAMES)).round() as usize).max(1)
 }
 
-/// Part of the flight over the objects in which it is near them, as times from 0 to 1.
-const NEAR_TIMES: [f32; 2] = [0.6, 0.85];
+/// Views by which [`middles`] gives so many.
+pub fn views_of_middles(parts: usize) -> usize {
+    2 * parts + 1
+}
 
-/// Views of the objects of the paper's second scene, from the part of its flight that is near them: some fill the picture, others are
-/// small behind them.
-pub fn near_objects(views: usize) -> Vec<Camera> {
-    let flight = PaperScene::Objects.flight();
-    let ([from, to], first) = (NEAR_TIMES, flight.keys()[0].time);
-    let steps = views.saturating_sub(1).max(1) as f32;
-    let time = |view: usize| first + flight.duration() * (from + (to - from) * view as f32 / steps);
-    (0..views).map(|view| flight.sample(time(view))).collect()
+/// The middles of equal parts of a path, of which ends and middles are given in turn.
+pub fn middles(cameras: &[Camera]) -> Vec<Camera> {
+    cameras.iter().skip(1).step_by(2).copied().collect()
 }
 
 /// Share of the way from what the camera looks at to where it is on its flight over the tori.

@@ -94,7 +94,7 @@ const STEPS: [Step; 10] = [
     step(
         "stream",
         true,
-        "--materials 4 --size 192x108 --network 4g --network dsl --seconds 0",
+        "--materials 4 --size 192x108 --network 4g --network dsl --seconds 0 --stands 2",
         "",
     ),
     step(

@@ -5,10 +5,13 @@ use std::time::Duration;
 
 use ::benches::engine::Subject;
 use ::benches::report::Report;
-use ::benches::stream::{NamedNetwork, Plan, close_up, measure, near_objects, plot, table, views};
+use ::benches::stream::{
+    NamedNetwork, Plan, close_up, measure, middles, plot, table, views, views_of_middles,
+};
 use ::engine::stream::Network;
 use anyhow::{Result, ensure};
 use clap::Args;
+use scenes::paper::PaperScene;
 
 use super::output::{Output, Shown};
 use super::viewed::{Viewed, cache_bytes};
@@ -46,9 +49,12 @@ pub(crate) struct Arguments {
     /// Measures a grid of tori with so many materials made by formula instead, which takes seconds.
     #[arg(long, value_name = "N", conflicts_with_all = ["scene", "made"])]
     materials: Option<usize>,
-    /// Seconds that the camera takes along its path; 0 measures the first view only.
-    #[arg(long, value_name = "S", default_value_t = 2.0)]
+    /// Seconds that the camera takes along its path; with 0 it does not move.
+    #[arg(long, value_name = "S", default_value_t = 6.0)]
     seconds: f64,
+    /// Standing views: in the middles of so many parts of the path that take equal times.
+    #[arg(long, value_name = "N", default_value_t = 4)]
+    stands: usize,
     /// Memory on the GPU for pages and columns, MiB, of every order.
     #[arg(long, value_name = "N", default_value_t = 384)]
     cache_mib: u64,
@@ -73,12 +79,16 @@ frame in which every material in view shows something of its own; its round trip
 the handshake is one. 95 % SSIM: from there on no picture was further from the settled one of its view. Bytes are those
 on the line, with headers, what was lost, and what was given up on the way. Every order has the same budgets, cancels what
 it does not want any more, and asks for children before their parents are there. Breadth first: all groups and tiles of a mip
-before the next. Demand: the tiles that pixels want now, least recently wanted go. 2013: Schwartz, Ruiters, Klein, P = w·v.";
+before the next. Demand: the tiles that pixels want now, least recently wanted go. 2013: Schwartz, Ruiters, Klein, P = w·v.
+Bound: no order but what none can do, with indices for nothing and the exact best schedule. Standing views begin with empty
+caches each; their figures are means, and bytes of the best baseline those of the order that takes fewest in all of them.";
 
 /// Longest way of the camera, seconds.
 const MOST_SECONDS: f64 = 120.0;
 /// Most connections, and requests on one.
 const MOST_STREAMS: usize = 256;
+/// Most standing views.
+const MOST_STANDS: usize = 100;
 
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     ensure!(
@@ -96,25 +106,34 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
             "{name} is {value}; it must be 1 to {MOST_STREAMS}"
         );
     }
+    ensure!(
+        arguments.stands <= MOST_STANDS && (arguments.stands > 0 || arguments.seconds > 0.0),
+        "--stands is {}; it must be at most {MOST_STANDS}, and 1 at least if the camera does not move",
+        arguments.stands
+    );
     let [page_cache_bytes, column_cache_bytes] = cache_bytes(arguments.cache_mib)?;
     let spinner = progress::spinner("stream", arguments.viewed.json);
-    let subject = match &arguments.scene {
-        Some(path) => {
-            let views = views(arguments.seconds);
-            arguments.viewed.subject(path, arguments.size, views, 0)?
-        }
+    let (moving, middle) = (views(arguments.seconds), views_of_middles(arguments.stands));
+    let mut subject = match &arguments.scene {
+        Some(path) => arguments.viewed.subject(path, arguments.size, moving, middle)?,
         None => match arguments.materials {
-            Some(materials) => close_up(materials, views(arguments.seconds))?,
-            None => made(arguments)?,
+            Some(materials) => Subject {
+                flight: close_up(materials, middle)?.cameras,
+                ..close_up(materials, moving)?
+            },
+            None => made(arguments, moving, middle)?,
         },
     };
+    let stands = middles(&std::mem::take(&mut subject.flight));
     let plan = Plan {
         size: arguments.size,
         networks: networks(arguments),
         page_cache_bytes,
         column_cache_bytes,
     };
-    let results = measure(&subject, &plan, &|what| spinner.set_message(what.to_owned()));
+    let results = measure(&subject, &stands, &plan, &|what| {
+        spinner.set_message(what.to_owned())
+    });
     spinner.finish_and_clear();
     let results = results?;
     let svg = plot(&results);
@@ -134,14 +153,15 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     arguments.output.give(arguments.viewed.json, shown)
 }
 
-/// The objects of the paper's second scene, from where its flight is near them.
-fn made(arguments: &Arguments) -> Result<Subject> {
+/// The objects of the paper's second scene and their flight.
+fn made(arguments: &Arguments, moving: usize, middle: usize) -> Result<Subject> {
     let (path, tiles) = scene::objects_to_measure(&arguments.made, arguments.viewed.json)?;
+    let flight = PaperScene::Objects.flight();
     Ok(Subject {
         name: "objects".into(),
         scene: scenes::gltf::open(&path)?.scene,
-        cameras: near_objects(views(arguments.seconds)),
-        flight: Vec::new(),
+        cameras: flight.frames(moving).collect(),
+        flight: flight.frames(middle).collect(),
         archives: arguments.viewed.archives(tiles.display().to_string())?,
     })
 }

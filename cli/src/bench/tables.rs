@@ -31,7 +31,7 @@ Examples:
 
 A table goes between the lines <!-- table: NAME --> and <!-- end -->. NAME is the kind of results, or the kind and a part: codec,
 engine-frames, engine-processor, engine-skipped, engine-saved, engine-memory, factorize, memory-quality, policy, scale,
-serve-races, serve-held, stream-static, stream-moving, time-error. Plots are written where the document names them: KIND.svg.";
+serve-races, serve-held, stream-standing, stream-moving, time-error. Plots are written where the document names them: KIND.svg.";
 
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let path = &arguments.document;

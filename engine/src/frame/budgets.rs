@@ -11,6 +11,9 @@ use crate::{
     residency::{Item, Limits, SLOTS_PER_PIN, Slot},
 };
 
+/// Most items that residency may have asked for: more than a line carries in the time that an order holds.
+const MOST_ASKED: usize = 512;
+
 /// From slot to slot.
 type Moves = Vec<(Slot, Slot)>;
 
@@ -156,14 +159,10 @@ impl Engine {
             .unwrap_or(0)
     }
 
-    /// What waits to be decoded takes at most a quarter of the host's memory: a record and a page each.
+    /// What residency may ask for: more than is on its way, so that what is asked of the source next is chosen among it by the
+    /// order of now. What waits to be decoded takes at most a quarter of the host's memory: a record and a page each.
     fn in_flight_limit(&self) -> usize {
         let host = self.options.budgets.host_bytes / 4 / (2 * PAGE_BYTES);
-        self.options
-            .budgets
-            .requests_in_flight
-            .min(self.source.capacity())
-            .min(usize::try_from(host).unwrap_or(usize::MAX))
-            .max(1)
+        usize::try_from(host).unwrap_or(usize::MAX).clamp(1, MOST_ASKED)
     }
 }

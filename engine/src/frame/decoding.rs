@@ -40,6 +40,11 @@ impl Decoding {
         self.items.contains(&item) || self.above.contains(&item)
     }
 
+    /// Items with the workers, or decoded and not taken back yet.
+    pub(super) fn count(&self) -> usize {
+        self.items.len()
+    }
+
     /// Whether nothing is with the workers.
     pub(super) fn idle(&self) -> bool {
         self.workers.unfinished() == 0

@@ -27,7 +27,7 @@ pub struct Budgets {
     /// Most records handed to the decoder in one frame, at least one. Where there are threads they decode beside the
     /// frames; in browsers, and with [`Options::wait`], decoding is part of the frame.
     pub decodes_per_frame: usize,
-    /// Most records asked for and not yet placed, at least one; the source may allow fewer.
+    /// Most records asked of the source and not yet handed to the caches, at least one; the source may allow fewer.
     pub requests_in_flight: usize,
     /// Most bytes asked of the source and not yet here, at least one; a single record may take more.
     pub bytes_in_flight: u64,

@@ -74,7 +74,10 @@ impl Engine {
             self.archives
                 .count_bytes(answer.request.archive(), answer.wire_bytes);
             match answer.request {
-                Request::Index { .. } => self.archives.receive(answer, &mut self.problems),
+                Request::Index { .. } => {
+                    self.records.carried(answer.wire_bytes);
+                    self.archives.receive(answer, &mut self.problems);
+                }
                 _ => self
                     .records
                     .receive(answer, now, &self.btfs, &mut self.counters, &mut self.problems),

@@ -46,7 +46,7 @@ pub struct FrameStats {
     pub added: u32,
     /// Items placed by evicting another in this frame.
     pub swapped: u32,
-    /// Requests in flight after this frame.
+    /// Items that are asked for and not placed after this frame; the source has some of them.
     pub in_flight: u32,
     /// Border texels copied on the GPU between neighbouring pages in this frame; bounded by the pages it placed.
     pub texels_stitched: u64,

@@ -5,7 +5,7 @@ mod ranks;
 use tileset::{PageId, Pyramid, Tile};
 
 use super::{
-    Item, MaterialId, MaterialInfo, Slot, TileVotes,
+    HEAD_BYTES, Item, MaterialId, MaterialInfo, Slot, TileVotes,
     group::{Class, Group},
     rank::Rank,
     value::Blocks,
@@ -150,17 +150,25 @@ impl Material {
         bytes.copied().unwrap_or(0).into()
     }
 
-    /// Bytes of an item's record; of a root or a column those of both, as far as they are not resident: neither is worth
+    /// What an item costs on the line: nothing without a record.
+    fn line_bytes(&self, item: Item) -> u64 {
+        match self.bytes(item) {
+            0 => 0,
+            bytes => bytes + HEAD_BYTES,
+        }
+    }
+
+    /// What an item costs on the line; a root or a column what both do, as far as they are not resident: neither is worth
     /// anything without the other.
     pub(super) fn opening_bytes(&self, item: Item) -> u64 {
         let tile = self.pyramid.root();
         let other = match item {
             Item::Column(material, group) => Item::Page(material, PageId { group, tile }),
             Item::Page(material, page) if page.tile == tile => Item::Column(material, page.group),
-            Item::Page(..) => return self.bytes(item),
+            Item::Page(..) => return self.line_bytes(item),
         };
         let missing = self.slot(other).is_none();
-        self.bytes(item) + if missing { self.bytes(other) } else { 0 }
+        self.line_bytes(item) + if missing { self.line_bytes(other) } else { 0 }
     }
 
     /// Whether these are the votes already.

@@ -58,7 +58,8 @@
 //! Slots are all of one size, records are not. Who gets a slot follows from values alone; what is asked for first, among those
 //! that get one, is what lowers the predicted error most per byte of its record: a greedy schedule of the wire (Smith: Various
 //! Optimizers for Single-Stage Production, 1956). A column and its root are worth nothing without each other, so
-//! each counts the value of the root over the bytes of both. What costs no bytes comes first, and pins before all.
+//! each counts the value of the root over the bytes of both. A record costs [`HEAD_BYTES`] more than it has; what is not stored costs none
+//! and comes first, and pins before all.
 //!
 //! A page is asked for under a resident parent, so by itself a chain of pages would take a round trip each. But
 //! what will be asked for next is known: [`Residency::upcoming`] walks down from what is resident and in flight, best page first,
@@ -127,6 +128,9 @@ pub const SWAP_MARGIN: f64 = 1.0 / 64.0;
 /// pins take at most a sixteenth of a cache, and the predicted error of what is settled stays within 2 % of the least that
 /// any closed set has (docs/results.md).
 pub const SLOTS_PER_PIN: u32 = 16;
+
+/// What a record costs on the line besides its own bytes, when records are put into order: the request, and the head of the answer.
+pub const HEAD_BYTES: u64 = 300;
 
 /// Failures in a row after which an item no longer keeps the cache from counting as settled. It is still
 /// asked for now and then.

@@ -129,5 +129,10 @@ fn a_first_view_takes_the_round_trips_that_its_budgets_make_it_take() {
         few.len()
     );
     assert_order(&few, &index);
+    assert_eq!(
+        few[1..].concat(),
+        ample[1..].concat(),
+        "what waits is sent in the order of now"
+    );
     assert!(relative_rmse(&same, &picture) < 1e-4);
 }

@@ -6,8 +6,8 @@ mod worth;
 use std::collections::{BTreeMap, BTreeSet};
 
 use engine::residency::{
-    Item, LONGEST_BACK_OFF, Limits, MaterialId, MaterialInfo, Move, PATIENCE, Placement, Plan, Resized, Slot,
-    Vote,
+    HEAD_BYTES, Item, LONGEST_BACK_OFF, Limits, MaterialId, MaterialInfo, Move, PATIENCE, Placement, Plan,
+    Resized, Slot, Vote,
 };
 use tileset::{PageId, Tile};
 use worth::{Rank, compare, exceeds, exceeds_by_margin, is_wanted};
@@ -166,10 +166,14 @@ impl Plain {
             Item::Column(MaterialId(material), group),
             Item::Page(MaterialId(material), PageId { group, tile }),
         ];
-        let mut bytes = self.bytes(*item);
+        let cost = |item| match self.bytes(item) {
+            0 => 0,
+            bytes => bytes + HEAD_BYTES,
+        };
+        let mut bytes = cost(*item);
         for (one, other) in [(column, root), (root, column)] {
             if *item == one && !self.has(other) {
-                bytes += self.bytes(other);
+                bytes += cost(other);
             }
         }
         let value = if rank.1 > 0.0 { rank.1 } else { rank.2 };

@@ -116,3 +116,33 @@ fn our_server_stands_in_front_of_a_bucket() {
     std::fs::remove_file(folder.path().join(format!("materials/btf/{}.bsvtf", names[0]))).unwrap();
     check(&mut *left, names[1], || {});
 }
+
+/// Google's stores are asked as their XML interface says, which for listing and reading is that of S3 without its signatures:
+/// here with a key that stands for a program of Google's that hands out tokens without asking, as its emulators do.
+#[test]
+fn a_bucket_of_google_is_read_by_its_own_interface() {
+    const ACCOUNT: &str =
+        r#"{"private_key": "none", "private_key_id": "none", "client_email": "none", "disable_oauth": true}"#;
+    let (_folder, buckets) = buckets();
+    let open = |url: &str| {
+        let settings = [
+            ("google_base_url", buckets.address.as_str()),
+            ("google_service_account_key", ACCOUNT),
+            ("allow_http", "true"),
+        ];
+        let settings = settings.map(|(name, value)| (name.to_owned(), value.to_owned()));
+        let store = Objects::with_settings(url, settings).unwrap();
+        let runtime = Runtime::new().unwrap();
+        runtime.block_on(Collection::of(std::sync::Arc::new(store), "the bucket"))
+    };
+    let server = Server::of(open("gs://materials/btf").unwrap(), Options::default());
+    let mut source = open_with(&server.address, &options(None)).unwrap();
+    for name in FIXTURE.names() {
+        check(&mut *source, name, || {});
+    }
+    let missing = open("gs://no-such-bucket/btf")
+        .err()
+        .expect("it is not there")
+        .to_string();
+    assert!(missing.contains("the bucket"), "{missing}");
+}

@@ -120,6 +120,11 @@ impl Records {
         }
     }
 
+    /// The line has carried something else than records.
+    pub(super) fn carried(&mut self, bytes: u64) {
+        self.window.carried(bytes);
+    }
+
     /// Takes an answer about a record. Those that nobody waits for change nothing.
     pub(super) fn receive(
         &mut self,

@@ -16,9 +16,7 @@ use crate::{
     stream::{Ticket, TileSource},
 };
 
-/// Of the pages that are looked for below what is in flight, some are here already, and wait for their parents.
-const LEAST_UPCOMING: usize = 128;
-/// Most of them.
+/// Records that are brought into the order of now: more than a line carries in a second, of which some are here already.
 const MOST_UPCOMING: usize = 1024;
 
 /// Bytes in flight while indices are, which keep the line busy themselves: about the column and the root of one material.
@@ -40,9 +38,7 @@ impl Records {
     ) {
         self.cancel(&plan.cancel, btfs, source, counters);
         self.request(&plan.request, now, btfs, counters);
-        // Twice what can be in flight, because some are here already.
-        let most = self.budgets.requests_in_flight.saturating_mul(2);
-        let upcoming = residency.upcoming(most.clamp(LEAST_UPCOMING, MOST_UPCOMING));
+        let upcoming = residency.upcoming(MOST_UPCOMING);
         self.arrange(&upcoming, btfs);
         self.abort_stale(residency, btfs, source, counters);
     }
@@ -185,7 +181,7 @@ impl Records {
         }
     }
 
-    /// Submits what waits, as far as the source, the line and the budgets allow; one record always. Nothing that is in flight and still of
+    /// Submits what waits, as far as the source, the line and the budgets allow; one record always if none is on its way. Nothing that is in flight and still of
     /// use gives way: what has been sent of it would be lost, for less than the round trips that the window holds. While some of
     /// the archives are `unknown` and go on coming, little goes out: their roots are worth more than details of the others.
     pub(in crate::frame) fn submit(
@@ -205,6 +201,8 @@ impl Records {
             false => self.window.bytes(),
         };
         let allowed = line.min(self.budgets.bytes_in_flight);
+        // What has come and is not placed yet counts as well: more would only wait where its order cannot change any more.
+        let most = most.saturating_sub(self.unplaced());
         while let Some(&item) = self.queue.front() {
             let bytes = length(item, btfs);
             if !self.has_room(bytes, most, allowed) {
@@ -220,6 +218,12 @@ impl Records {
             self.tickets.insert(ticket, Flight { item, sent });
             self.flying.insert(item, ticket);
         }
+    }
+
+    /// Records that are here and can be decoded, or are with the decoder.
+    fn unplaced(&self) -> usize {
+        let ready = self.pending.iter().filter(|waiting| waiting.needs.is_none());
+        ready.count() + self.decoding.count()
     }
 
     fn has_room(&self, bytes: u64, most: usize, allowed: u64) -> bool {

@@ -57,6 +57,11 @@ impl Window {
         self.in_use = true;
     }
 
+    /// The line has carried bytes for which nobody waited here: they count in the rates of what was waited for meanwhile.
+    pub(super) fn carried(&mut self, bytes: u64) {
+        self.came += bytes;
+    }
+
     /// An answer came, after `bytes` on the wire.
     pub(super) fn came(&mut self, sent: Sent, bytes: u64, now: f64) {
         if bytes == 0 {
@@ -175,6 +180,15 @@ mod tests {
         // A way round: the same line, but far.
         let (came, _) = replay(&mut window, 2.5e6, 0.5, 50.0, 40.0);
         assert!(came as f64 > 0.3 * 100e6, "{came}");
+    }
+
+    #[test]
+    fn what_else_the_line_carries_counts_in_its_rate() {
+        let mut window = Window::default();
+        let sent = window.sent(0.0);
+        window.carried(199_000);
+        window.came(sent, 1000, 0.1);
+        assert_eq!(window.bytes(), (GAIN * 200e3) as u64);
     }
 
     #[test]
