@@ -7,6 +7,9 @@
 //! them before the next step of any ([`Volume::march_all`]), and the processor waits for many of them at once. A ray does not notice:
 //! it does what it would do alone.
 
+#[cfg(target_arch = "x86_64")]
+mod avx2;
+
 use super::volume::Volume;
 use glam::Vec3;
 
@@ -67,6 +70,11 @@ impl Volume {
         direction: Vec3,
         mut arrived: impl FnMut(usize, Option<Vec3>),
     ) {
+        #[cfg(target_arch = "x86_64")]
+        if std::arch::is_x86_feature_detected!("avx2") {
+            // SAFETY: the processor has the feature.
+            return unsafe { avx2::march_all(self, origins, direction, arrived) };
+        }
         let none = Ray {
             p: Vec3::ZERO,
             before: (0.0, 0.0),

@@ -36,11 +36,12 @@ pub(super) struct Volume {
     bottom: f32,
     /// Distances, `[y][x][z]`; the first column and row come once more behind the last, so that interpolation
     /// does not wrap.
-    distance: Vec<i16>,
-    /// Least distance in each cube of [`CUBE`] voxels, in [`CLEAR_UNITS`], `[y][x][z]`: small enough for a cache.
-    clear: Vec<u8>,
+    pub(super) distance: Vec<i16>,
+    /// Least distance in each cube of [`CUBE`] voxels, in [`CLEAR_UNITS`], `[y][x][z]`: small enough for a cache. Three bytes more at
+    /// the end.
+    pub(super) clear: Vec<u8>,
     /// Cubes along z.
-    cube_levels: usize,
+    pub(super) cube_levels: usize,
     /// Parts, `[y][x][z]`.
     part: Vec<u16>,
 }
@@ -190,7 +191,8 @@ impl Volume {
         let distance = closed(&distances(field, side, depth), side, depth);
         let highest = |column: &[i16]| column.iter().rposition(|&d| d < 0).unwrap_or(0);
         let top = distance.par_chunks(depth).map(highest).max().unwrap_or(0) as f32 + 1.0;
-        let clear = clearances(&distance, side, depth);
+        let mut clear = clearances(&distance, side, depth);
+        clear.extend([0; 3]); // one can be read with the three behind it
         let cube_levels = depth.div_ceil(CUBE);
         let mut volume = Volume {
             side,
