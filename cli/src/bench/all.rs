@@ -19,7 +19,7 @@ pub(crate) struct Arguments {
     /// Small inputs, which take some minutes; the default.
     #[arg(long, conflicts_with = "full")]
     quick: bool,
-    /// Inputs of full size, which take an hour or two.
+    /// Inputs of full size, which take an hour or more.
     #[arg(long)]
     full: bool,
     /// The folder; what is there already is written over.
