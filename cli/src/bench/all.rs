@@ -19,7 +19,7 @@ pub(crate) struct Arguments {
     /// Small inputs, which take some minutes; the default.
     #[arg(long, conflicts_with = "full")]
     quick: bool,
-    /// Inputs of full size, which take some hours.
+    /// Inputs of full size, which take an hour or more.
     #[arg(long)]
     full: bool,
     /// The folder; what is there already is written over.
@@ -83,7 +83,7 @@ const STEPS: [Step; 10] = [
         "time-error",
         true,
         "--size 160x90 --texels 64 --frames 2 --rounds 3",
-        "--size 640x360 --texels 256 --frames 8 --rounds 15 --components 100",
+        "--size 640x360 --texels 256 --components 100",
     ),
     step(
         "scale",
