@@ -14,9 +14,12 @@ use tests::{PATIENCE, ServerProcess, ask, requests, soon};
 
 use crate::{FIXTURE, NAMES};
 
-/// Until caches are full and threads are there; and from then on.
+/// Until caches are full and threads are there.
 const WARM_UP: Duration = Duration::from_secs(2);
+/// From then on, unless [`SECONDS`] says how long.
 const SOAK: Duration = Duration::from_secs(4);
+/// A variable of the environment, for those who want to soak for an hour.
+const SECONDS: &str = "EIGENTILE_SOAK_SECONDS";
 /// What allocators may do in that time.
 const MAX_GROWTH_BYTES: u64 = 8 << 20;
 
@@ -119,6 +122,10 @@ fn replace(folder: &Path, end: &AtomicBool) {
 
 #[test]
 fn memory_stays_and_what_comes_is_right() {
+    let soak = match std::env::var(SECONDS) {
+        Ok(seconds) => Duration::from_secs(seconds.parse().expect(SECONDS)),
+        Err(_) => SOAK,
+    };
     let (site, end) = (FIXTURE.site(), AtomicBool::new(false));
     let server = ServerProcess::start(site.path());
     let (address, end) = (&*server.address, &end);
@@ -131,7 +138,7 @@ fn memory_stays_and_what_comes_is_right() {
         // Ends the others even when this one fails.
         std::thread::sleep(WARM_UP);
         let before = server.resident_bytes();
-        std::thread::sleep(SOAK);
+        std::thread::sleep(soak);
         let grown = server.resident_bytes().saturating_sub(before);
         end.store(true, Ordering::Relaxed);
         let came: u64 = clients.into_iter().map(|client| client.join().unwrap()).sum();
