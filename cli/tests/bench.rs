@@ -149,13 +149,15 @@ fn pictures_are_measured_under_a_network() {
         "1",
         "--seconds",
         "0",
+        "--stands",
+        "1",
         "--size",
         "64x36",
     ];
     let networks = ["--network", "200,20", "--plot", "stream.svg", "--json"];
     let results = succeed_json(folder.path(), &[&stream[..], &networks[..]].concat());
     assert_eq!(number(&results, "/plan/networks/0/network/bits_per_second"), 2e8);
-    assert_eq!(results["replays"].as_array().map(Vec::len), Some(4));
+    assert_eq!(results["replays"].as_array().map(Vec::len), Some(5));
     assert!(number(&results, "/replays/0/settled/bytes") > 0.0);
     let plot = fs::read_to_string(folder.path().join("stream.svg")).unwrap();
     assert!(plot.contains("breadth first"), "{plot}");
