@@ -2,7 +2,7 @@
 
 use clap::{Args, ValueEnum};
 use engine::angular::Angular;
-use engine::frame::{Arithmetic, Decode, Options};
+use engine::frame::{Arithmetic, Decode, Filter, Options};
 use engine::gpu::PageFormat;
 
 /// Choices of the engine; without any of them its own.
@@ -18,6 +18,9 @@ pub(crate) struct Choices {
     /// Sums over directions: in single precision, or of half floats; auto: of half floats on graphics cards that have them.
     #[arg(long, value_name = "PRECISION", default_value = "auto")]
     arithmetic: Precision,
+    /// Between mips: trilinear, or bilinear in the nearest mip, which takes one sample instead of two.
+    #[arg(long, value_name = "FILTER", default_value = "trilinear")]
+    filter: Mips,
     /// Where pages are decoded; auto: on the GPU, but on the CPU where that is a program or the page cache holds bytes.
     #[arg(long, value_name = "WHERE", default_value = "auto")]
     decode_on: Place,
@@ -44,6 +47,12 @@ enum Precision {
 }
 
 #[derive(ValueEnum, Clone, Copy)]
+enum Mips {
+    Trilinear,
+    Bilinear,
+}
+
+#[derive(ValueEnum, Clone, Copy)]
 enum Place {
     Auto,
     Cpu,
@@ -67,6 +76,10 @@ impl Choices {
                 Precision::Auto => Arithmetic::Auto,
                 Precision::Single => Arithmetic::Single,
                 Precision::Half => Arithmetic::Half,
+            },
+            filter: match self.filter {
+                Mips::Trilinear => Filter::Trilinear,
+                Mips::Bilinear => Filter::Bilinear,
             },
             decode_on: match self.decode_on {
                 Place::Auto => Decode::Auto,

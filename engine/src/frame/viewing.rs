@@ -2,7 +2,7 @@
 
 use scenes::{Light, Scene};
 
-use super::{Arithmetic, Engine, MAX_PREFETCH_SECONDS, Options};
+use super::{Arithmetic, Engine, Filter, MAX_PREFETCH_SECONDS, Options};
 use crate::{Result, gpu::Context};
 
 impl Engine {
@@ -63,6 +63,17 @@ impl Engine {
     pub fn set_arithmetic(&mut self, arithmetic: Arithmetic) -> Result<()> {
         self.change(Options {
             arithmetic,
+            ..self.options.clone()
+        })
+    }
+
+    /// Changes how eigen-textures are filtered: [`Options::filter`].
+    ///
+    /// # Errors
+    /// None that can happen; as [`Engine::set_component_error`].
+    pub fn set_filter(&mut self, filter: Filter) -> Result<()> {
+        self.change(Options {
+            filter,
             ..self.options.clone()
         })
     }

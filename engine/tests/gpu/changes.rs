@@ -1,6 +1,10 @@
-//! Budgets that change while pictures are drawn.
+//! Budgets and filters that change while pictures are drawn.
 
-use engine::{Error, frame::Budgets, gpu::page_cache::SLOT_BYTES};
+use engine::{
+    Error,
+    frame::{Budgets, Filter},
+    gpu::page_cache::SLOT_BYTES,
+};
 
 use super::*;
 use crate::scene::still_life;
@@ -156,4 +160,31 @@ fn budgets_that_cannot_work_change_nothing() {
         assert_eq!(engine.budgets(), good);
         assert!(engine.frame(&camera).unwrap().settled);
     }
+}
+
+#[test]
+fn filters_change_as_if_they_had_been_chosen_before() {
+    let archive = archive();
+    let archives: &[(&str, &[u8])] = &[("weave", &archive)];
+    let (scene, camera) = still_life();
+    let with = |filter| Options {
+        filter,
+        ..options((160, 90))
+    };
+    let mut changing = engine(&scene, archives, with(Filter::Trilinear));
+    settle(&mut changing, &camera);
+    let trilinear = changing.picture().unwrap();
+    changing.set_filter(Filter::Bilinear).unwrap();
+    assert!(settle(&mut changing, &camera).iter().any(|frame| frame.drawn));
+    let bilinear = changing.picture().unwrap();
+    let mut chosen = engine(&scene, archives, with(Filter::Bilinear));
+    settle(&mut chosen, &camera);
+    let error = relative_rmse(&bilinear, &chosen.picture().unwrap());
+    assert!(error < 1e-4, "{error}");
+    let difference = relative_rmse(&bilinear, &trilinear);
+    assert!(difference > 1e-3, "another picture, but by {difference}");
+    changing.set_filter(Filter::Trilinear).unwrap();
+    settle(&mut changing, &camera);
+    let error = relative_rmse(&changing.picture().unwrap(), &trilinear);
+    assert!(error < 1e-4, "{error}");
 }

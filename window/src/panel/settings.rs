@@ -4,7 +4,7 @@ use egui::{ComboBox, Slider, Ui};
 use engine::{
     Overlay,
     angular::Angular,
-    frame::{Budgets, MAX_PREFETCH_SECONDS, MIN_HOST_BYTES},
+    frame::{Budgets, Filter, MAX_PREFETCH_SECONDS, MIN_HOST_BYTES},
 };
 use glam::Vec3;
 use scenes::{Light, Shape};
@@ -161,6 +161,15 @@ impl Panel {
             ui.selectable_value(&mut angular, Angular::Hemisphere, "hemisphere");
             if angular != options.angular {
                 self.check(viewer.set_angular(angular));
+            }
+        });
+        ui.horizontal(|ui| {
+            let mut filter = options.filter;
+            ui.label("mips");
+            ui.selectable_value(&mut filter, Filter::Trilinear, "trilinear");
+            ui.selectable_value(&mut filter, Filter::Bilinear, "bilinear");
+            if filter != options.filter {
+                self.check(viewer.engine_mut().set_filter(filter));
             }
         });
     }
