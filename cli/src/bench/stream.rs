@@ -13,10 +13,10 @@ use anyhow::{Result, ensure};
 use clap::Args;
 use scenes::paper::PaperScene;
 
-use super::output::{Output, Shown};
+use super::output::{Plotted, Shown};
 use super::viewed::{Viewed, cache_bytes};
 use crate::render::parse_size;
-use crate::{file, progress, scene};
+use crate::{progress, scene};
 
 /// Measure pictures over bytes and seconds under networks, beside other orders of asking.
 #[derive(Args)]
@@ -58,11 +58,8 @@ pub(crate) struct Arguments {
     /// Memory on the GPU for pages and columns, MiB, of every order.
     #[arg(long, value_name = "N", default_value_t = 384)]
     cache_mib: u64,
-    /// Draws structural similarity over bytes and seconds.
-    #[arg(long, value_name = "FILE.svg")]
-    plot: Option<PathBuf>,
     #[command(flatten)]
-    output: Output,
+    output: Plotted,
     #[command(flatten)]
     viewed: Viewed,
 }
@@ -137,20 +134,17 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     spinner.finish_and_clear();
     let results = results?;
     let svg = plot(&results);
-    if let Some(path) = &arguments.plot {
-        file::write(path, svg.as_bytes())?;
-    }
     let text = table(&results);
     let shown = Shown {
         rows: &results.replays,
         report: Report::new(format!("Under networks: {}", results.name))
-            .plots(vec![svg])
+            .plots(vec![svg.clone()])
             .text(&text),
         text,
         device: Some(::engine::gpu::Context::headless()?.adapter()),
         results: &results,
     };
-    arguments.output.give(arguments.viewed.json, shown)
+    arguments.output.give(arguments.viewed.json, &svg, shown)
 }
 
 /// The objects of the paper's second scene and their flight.
