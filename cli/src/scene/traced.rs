@@ -234,7 +234,8 @@ impl Images for Held {
 
     fn samples<'a>(&'a self, images: Range<usize>, _: &'a mut Vec<f32>) -> ::preprocess::Result<Samples<'a>> {
         let range = images.start * 3 * self.texels..images.end * 3 * self.texels;
-        let found = self.samples.get(range).ok_or(::preprocess::Error::Invalid {
+        let there = self.samples.get(range).filter(|_| !self.samples.is_empty());
+        let found = there.ok_or(::preprocess::Error::Invalid {
             what: "use of a traced material (its factors)",
             found: "samples were asked for".into(),
             expected: "factors only: its samples were never stored",
