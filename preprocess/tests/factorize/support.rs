@@ -33,6 +33,10 @@ pub(crate) fn defect(factor: &[f32], length: usize, components: usize) -> f64 {
     worst
 }
 
+/// Where what a BTF has besides its leading terms is less than this share of its norm, passes end: further ones are not worth their time, and
+/// of the tail the subspace holds what it happens to. A third of what rounding factors to half floats costs.
+const TAIL: f64 = 1e-4;
+
 /// Everything that must hold for every BTF, whatever its spectrum.
 pub(crate) fn check(shape: Shape, dtype: Dtype, samples: &[f32], components: u32) {
     let factors = run(shape, dtype, samples, settings(components));
@@ -54,7 +58,7 @@ pub(crate) fn check(shape: Shape, dtype: Dtype, samples: &[f32], components: u32
     // No worse than the best of this rank, but for what a random subspace misses.
     let kept = truth.len().min(components as usize);
     let best = truth[kept..].iter().map(|x| x * x).sum::<f64>().sqrt() / norm.max(f64::MIN_POSITIVE);
-    assert!(measured <= best * 1.02 + 2e-6, "measured {measured}, best {best}");
+    assert!(measured <= best * 1.02 + TAIL, "measured {measured}, best {best}");
 
     // Never above the truth; below it by what the subspace misses, which is most where noise is flat.
     for (value, truth) in factors.singular_values.iter().zip(&truth) {
@@ -62,7 +66,7 @@ pub(crate) fn check(shape: Shape, dtype: Dtype, samples: &[f32], components: u32
             *value <= truth * (1.0 + 1e-5) + 1e-6 * norm,
             "{value} for {truth}"
         );
-        assert!(*value >= truth * 0.9 - 1e-6 * norm, "{value} for {truth}");
+        assert!(*value >= truth * 0.9 - TAIL * norm, "{value} for {truth}");
     }
     if norm > 0.0 {
         let defect = defect(&factors.u, rows, factors.components);
