@@ -6,7 +6,7 @@ use std::{
     net::SocketAddr,
     pin::{Pin, pin},
     sync::Arc,
-    task::{Context, Poll},
+    task::{Context, Poll, ready},
     time::Duration,
 };
 
@@ -34,6 +34,8 @@ const MAX_HEAD_BYTES: usize = 16 << 10;
 const MAX_FIELDS: usize = 64;
 /// Bytes of an answer that HTTP/2 takes over from us before the client has made room for them, by request.
 const STREAM_BUFFER_BYTES: usize = 64 << 10;
+/// How long a client may take to close a connection of which our side has ended.
+const LINGER: Duration = Duration::from_secs(1);
 /// What a connection of HTTP/2 without TLS begins with (RFC 9113, section 3.4); no method of HTTP/1.1 does.
 const PREFACE: &[u8] = b"PRI ";
 
@@ -87,6 +89,7 @@ impl Door {
         let io = TokioIo::new(Watched {
             stream,
             pulse: Arc::clone(&pulse),
+            linger: None,
         });
         let (shared, of_requests) = (Arc::clone(&self.shared), Arc::clone(&pulse));
         let service =
@@ -190,6 +193,8 @@ async fn stopped(mut stop: watch::Receiver<()>) {
 struct Watched<S> {
     stream: S,
     pulse: Arc<Pulse>,
+    /// Since our side has ended: how long the client's may go on.
+    linger: Option<Pin<Box<Sleep>>>,
 }
 
 impl<S> Watched<S> {
@@ -213,7 +218,7 @@ impl<S: AsyncRead + Unpin> AsyncRead for Watched<S> {
     }
 }
 
-impl<S: AsyncWrite + Unpin> AsyncWrite for Watched<S> {
+impl<S: AsyncRead + AsyncWrite + Unpin> AsyncWrite for Watched<S> {
     fn poll_write(
         mut self: Pin<&mut Self>,
         context: &mut Context<'_>,
@@ -244,7 +249,24 @@ impl<S: AsyncWrite + Unpin> AsyncWrite for Watched<S> {
         result
     }
 
+    /// Says that nothing more will be sent, and then drops what the client still sends until it closes, too. A socket that is closed with something
+    /// unread is reset, and the client loses what it has not read yet (RFC 9112, section 9.6).
     fn poll_shutdown(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
-        Pin::new(&mut self.stream).poll_shutdown(context)
+        let this = &mut *self;
+        if this.linger.is_none() {
+            ready!(Pin::new(&mut this.stream).poll_shutdown(context))?;
+        }
+        let linger = this.linger.get_or_insert_with(|| Box::pin(sleep(LINGER)));
+        if linger.as_mut().poll(context).is_ready() {
+            return Poll::Ready(Ok(()));
+        }
+        let mut bytes = [0; 1024];
+        loop {
+            let mut dropped = ReadBuf::new(&mut bytes);
+            let read = ready!(Pin::new(&mut this.stream).poll_read(context, &mut dropped));
+            if read.is_err() || dropped.filled().is_empty() {
+                return Poll::Ready(Ok(()));
+            }
+        }
     }
 }
