@@ -20,8 +20,6 @@ use super::slots::Slots;
 const RETRY: u64 = 60;
 /// Most records that are asked for and not here: what can be on its way by the engine's own budgets.
 const REQUESTS: usize = 64;
-/// What a record costs on the line besides its bytes: what [`engine::stream::Network`] counts, to within what matters for an order.
-const HEADER_BYTES: f64 = 300.0;
 
 pub(super) struct Baseline {
     contender: Contender,
@@ -306,7 +304,7 @@ impl Policy for Baseline {
         for seen in &mut self.seen {
             seen.set_votes(votes, self.now);
             if self.contender == Contender::Bound {
-                seen.schedule(HEADER_BYTES);
+                seen.schedule();
             }
         }
         let wanted = |item: &Item| self.is_wanted(*item);

@@ -4,7 +4,7 @@
 //!   frame of a sixtieth of a second: the same on every machine.
 //! - [`Contender`]: our residency, and what it is measured against. `baseline` is a `engine::frame::Policy` with an order in which
 //!   records are asked for (`order`); the engine, its budgets, its host cache and its decoder are the same for all.
-//!   `schedule` is the best order there is, for those who know all from the start.
+//!   `schedule` is the best order for the gains that we count by, for those who know all from the start.
 //! - `line`: the source of a replay, and what came over it. `replay`: one contender on one way. `truth`: settled pictures.
 //! - [`table`](fn@table) and [`plot`](fn@plot) show.
 

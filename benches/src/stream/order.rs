@@ -1,6 +1,6 @@
 //! In which order records are asked for.
 
-use engine::residency::{Item, MaterialId, MaterialInfo, Vote};
+use engine::residency::{HEAD_BYTES, Item, MaterialId, MaterialInfo, Vote};
 use serde::{Deserialize, Serialize};
 use tileset::PageId;
 
@@ -114,7 +114,7 @@ impl Seen {
     }
 
     /// Works out the best schedule for the present votes: of each group a tree of its column, its root, and its other pages.
-    pub(super) fn schedule(&mut self, header_bytes: f64) {
+    pub(super) fn schedule(&mut self) {
         self.rates = vec![0.0; usize::from(self.info.groups) * self.tiles()];
         let mut places = vec![0; self.tiles()];
         for (place, &tile) in (1..).zip(&self.wanted) {
@@ -124,7 +124,7 @@ impl Seen {
             let cost = |item| match self.bytes(item) {
                 // What is not stored is not sent either.
                 0 => f64::MIN_POSITIVE,
-                bytes => bytes as f64 + header_bytes,
+                bytes => (bytes + HEAD_BYTES) as f64,
             };
             let (mut gains, mut parents) = (vec![0.0], vec![None]);
             let mut bytes = vec![cost(Item::Column(self.id, group))];
