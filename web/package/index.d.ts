@@ -35,6 +35,7 @@ export interface FrameStats {
   columns_resident: number;
   added: number;
   swapped: number;
+  /** Pages and columns that are asked for and not placed. */
   in_flight: number;
   texels_stitched: number;
   wire_bytes: number;

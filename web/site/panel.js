@@ -86,7 +86,7 @@ function showFigures(report, course) {
     "Pages wanted": frame.pages_wanted,
     "Pages resident": frame.pages_resident,
     "Columns resident": frame.columns_resident,
-    "In flight": frame.in_flight,
+    "To come": frame.in_flight,
     "Given up": gets.aborted,
     "On the GPU": size(frame.gpu_bytes),
     "Frame, CPU": `${ms.toFixed(1)} ms`,

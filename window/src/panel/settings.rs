@@ -154,24 +154,17 @@ impl Panel {
         if ui.add(slider.text("look ahead, s")).changed() {
             viewer.engine_mut().set_prefetch_seconds(ahead);
         }
-        ui.horizontal(|ui| {
-            let mut angular = options.angular;
-            ui.label("directions");
-            ui.selectable_value(&mut angular, Angular::Delaunay, "Delaunay");
-            ui.selectable_value(&mut angular, Angular::Hemisphere, "hemisphere");
-            if angular != options.angular {
-                self.check(viewer.set_angular(angular));
-            }
-        });
-        ui.horizontal(|ui| {
-            let mut filter = options.filter;
-            ui.label("mips");
-            ui.selectable_value(&mut filter, Filter::Trilinear, "trilinear");
-            ui.selectable_value(&mut filter, Filter::Bilinear, "bilinear");
-            if filter != options.filter {
-                self.check(viewer.engine_mut().set_filter(filter));
-            }
-        });
+        let ways = [
+            (Angular::Delaunay, "Delaunay"),
+            (Angular::Hemisphere, "hemisphere"),
+        ];
+        if let Some(angular) = one_of(ui, "directions", options.angular, ways) {
+            self.check(viewer.set_angular(angular));
+        }
+        let filters = [(Filter::Trilinear, "trilinear"), (Filter::Bilinear, "bilinear")];
+        if let Some(filter) = one_of(ui, "mips", options.filter, filters) {
+            self.check(viewer.engine_mut().set_filter(filter));
+        }
     }
 
     pub(super) fn overlay(&mut self, ui: &mut Ui, viewer: &mut Viewer) {
@@ -235,4 +228,16 @@ fn mebibytes(ui: &mut Ui, text: &str, bytes: &mut u64, range: std::ops::RangeInc
     if ui.add(slider.text(text)).changed() {
         *bytes = (value * MIB) as u64;
     }
+}
+
+/// A row of names of which one is chosen; another one that was clicked.
+fn one_of<T: Copy + PartialEq>(ui: &mut Ui, label: &str, now: T, choices: [(T, &str); 2]) -> Option<T> {
+    let mut chosen = now;
+    ui.horizontal(|ui| {
+        ui.label(label);
+        for (value, name) in choices {
+            ui.selectable_value(&mut chosen, value, name);
+        }
+    });
+    (chosen != now).then_some(chosen)
 }

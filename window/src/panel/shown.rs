@@ -30,7 +30,7 @@ pub(super) fn state(ui: &mut Ui, viewer: &Viewer) {
     let state = match (frame.settled, frame.in_flight) {
         (true, _) => "settled".to_owned(),
         (false, 0) => "looking".to_owned(),
-        (false, requests) => format!("streaming, {requests} requests in flight"),
+        (false, items) => format!("streaming, {items} to come"),
     };
     ui.horizontal(|ui| {
         ui.strong(state);
