@@ -68,13 +68,23 @@ impl Volume {
         &self,
         origins: &[Vec3],
         direction: Vec3,
-        mut arrived: impl FnMut(usize, Option<Vec3>),
+        arrived: impl FnMut(usize, Option<Vec3>),
     ) {
         #[cfg(target_arch = "x86_64")]
         if std::arch::is_x86_feature_detected!("avx2") {
             // SAFETY: the processor has the feature.
             return unsafe { avx2::march_all(self, origins, direction, arrived) };
         }
+        self.march_by_turns(origins, direction, arrived);
+    }
+
+    /// The same on any processor.
+    fn march_by_turns(
+        &self,
+        origins: &[Vec3],
+        direction: Vec3,
+        mut arrived: impl FnMut(usize, Option<Vec3>),
+    ) {
         let none = Ray {
             p: Vec3::ZERO,
             before: (0.0, 0.0),
@@ -224,12 +234,18 @@ mod tests {
         for direction in [Vec3::new(0.6, 0.1, 0.3), Vec3::new(-0.3, 0.5, -0.2), Vec3::X] {
             let direction = direction.normalize();
             for packet in [&origins[..], &origins[..3], &[]] {
-                let mut found = vec![None; packet.len()];
+                let mut found = [vec![None; packet.len()], vec![None; packet.len()]];
+                let [best, portable] = &mut found;
                 volume.march_all(packet, direction, |n, end| {
-                    assert_eq!(found[n].replace(end), None, "once");
+                    assert_eq!(best[n].replace(end), None, "once");
                 });
-                for (origin, found) in packet.iter().zip(found) {
-                    assert_eq!(found, Some(volume.march(*origin, direction)));
+                volume.march_by_turns(packet, direction, |n, end| {
+                    assert_eq!(portable[n].replace(end), None, "once");
+                });
+                for found in found {
+                    for (origin, found) in packet.iter().zip(found) {
+                        assert_eq!(found, Some(volume.march(*origin, direction)));
+                    }
                 }
             }
         }
