@@ -62,6 +62,11 @@ impl Group {
         }
     }
 
+    /// Values of the pages of the wanted tiles, in their order.
+    pub(super) fn values(&self, class: Class) -> &[f64] {
+        &self.values[class as usize]
+    }
+
     /// Value of a tile's page, would the group be open; by the votes of this class, which are given.
     pub(super) fn value_of(&self, tile: u32, class: Class, wanted: &Wanted) -> f64 {
         wanted.pick(&self.values[class as usize], tile)

@@ -244,29 +244,51 @@ impl Material {
     /// of pages whose values may be the lowest and the highest.
     fn find_bounds(&mut self, group: usize, pin: bool) {
         let (mut lowest, mut highest): (Option<Rank>, Option<Rank>) = (None, None);
-        let (mut least, mut most) = (f64::INFINITY, 0.0);
         let at = &self.groups[group];
-        let [now, ahead] = &self.wanted;
-        let plain = at.open && !(pin && group == 0);
-        for &tile in &at.residents {
-            if plain && at.value_of(tile, Class::Now, now) > least {
-                continue;
+        let lower = |lowest: Option<Rank>, rank: Rank| Some(lowest.map_or(rank, |lowest| lowest.min(rank)));
+        let higher =
+            |highest: Option<Rank>, rank: Rank| Some(highest.map_or(rank, |highest| highest.max(rank)));
+        let mut unwanted = at.residents.len();
+        if at.open {
+            // Wanted tiles lie side by side with their values.
+            let now = &self.wanted[Class::Now as usize];
+            let (tiles, slots) = (now.tiles(), self.page_slots(group));
+            let resident = |place: u32| {
+                tiles
+                    .get(place as usize)
+                    .is_some_and(|&tile| slots[tile as usize] != NONE)
+            };
+            let (mut least, mut most) = (f64::INFINITY, 0.0);
+            for ((&tile, &parent), &value) in tiles.iter().zip(now.parents()).zip(at.values(Class::Now)) {
+                let pinned = pin && group == 0 && tile == 0;
+                if slots[tile as usize] != NONE {
+                    unwanted -= 1;
+                    if pinned || value <= least {
+                        lowest = lower(lowest, self.page_rank(group, tile, pin));
+                        least = if pinned { least } else { value };
+                    }
+                } else if value > 0.0 && (pinned || value >= most) {
+                    let reachable = tile == 0 || (at.column_slot != NONE && resident(parent));
+                    if reachable {
+                        highest = higher(highest, self.page_rank(group, tile, pin));
+                        most = value.max(most);
+                    }
+                }
             }
-            let rank = self.page_rank(group, tile, pin);
-            lowest = Some(lowest.map_or(rank, |lowest| lowest.min(rank)));
-            least = rank.value.min(least);
         }
-        self.for_each_addable_tile(group, pin, |tile| {
-            let value = at.value_of(tile, Class::Now, now);
-            if value < most || (value == 0.0 && ahead.is_empty()) {
-                return;
+        if unwanted > 0 {
+            let now = &self.wanted[Class::Now as usize];
+            for &tile in &at.residents {
+                if !(at.open && now.has_tile(tile)) {
+                    lowest = lower(lowest, self.page_rank(group, tile, pin));
+                }
             }
-            let rank = self.page_rank(group, tile, pin);
-            if rank.is_wanted() {
-                highest = Some(highest.map_or(rank, |highest| highest.max(rank)));
-                most = rank.value.max(most);
-            }
-        });
+        }
+        // What only votes ahead want, or only a pin, ranks below all of the present.
+        let ahead = &self.wanted[Class::Ahead as usize];
+        if highest.is_none() && !(at.open && ahead.is_empty()) {
+            self.for_each_addable(group, pin, |rank| highest = higher(highest, rank));
+        }
         let group = &mut self.groups[group];
         (group.lowest, group.highest) = (lowest, highest);
     }

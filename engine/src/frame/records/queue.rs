@@ -17,7 +17,7 @@ use crate::{
 };
 
 /// Records that are brought into the order of now: more than a line carries in a second, of which some are here already.
-const MOST_UPCOMING: usize = 1024;
+const MOST_UPCOMING: usize = 384;
 
 /// Bytes in flight while indices are, which keep the line busy themselves: about the column and the root of one material.
 const OPENING_BYTES: u64 = 16 << 10;
