@@ -39,6 +39,7 @@ fn material(pyramid: Pyramid, number: u16) -> MaterialInfo {
         pyramid,
         groups: GROUPS,
         weights: weights.collect(),
+        visibility: Vec::new(),
         page_bytes: Vec::new(),
         column_bytes: Vec::new(),
     }

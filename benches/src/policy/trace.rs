@@ -51,6 +51,7 @@ impl TraceMaterial {
             pyramid,
             groups: self.groups,
             weights: self.weights.clone(),
+            visibility: Vec::new(),
             page_bytes: Vec::new(),
             column_bytes: Vec::new(),
         })

@@ -371,12 +371,6 @@ impl Policy for Baseline {
         }
     }
 
-    fn set_importance(&mut self, material: MaterialId, importance: f32) {
-        if let Some(seen) = self.seen.get_mut(usize::from(material.0)) {
-            seen.importance = importance.into();
-        }
-    }
-
     fn slot(&self, item: Item) -> Option<Slot> {
         self.slots(item).slot(item)
     }

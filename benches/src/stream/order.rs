@@ -56,8 +56,8 @@ pub(super) struct Seen {
     pub(super) wanted: Vec<usize>,
     /// Update from which on pixels have wanted the tile itself.
     since: Vec<u64>,
-    /// What errors count for.
-    pub(super) importance: f64,
+    /// v by the visibility of errors where votes fall, by tile.
+    visible: Vec<f64>,
     /// In the best schedule the gain a byte of the block of each page, `[group][tile]`.
     rates: Vec<f64>,
 }
@@ -84,7 +84,7 @@ impl Seen {
             counts: vec![0; tiles],
             wanted: Vec::new(),
             since: vec![0; tiles],
-            importance: 1.0,
+            visible: vec![0.0; tiles],
             rates: Vec::new(),
         }
     }
@@ -103,9 +103,15 @@ impl Seen {
             }
         }
         self.counts.clone_from(&self.own);
+        let visibility = self.info.visibility.iter().copied().chain(std::iter::repeat(1.0));
+        let visible = self.own.iter().zip(visibility);
+        self.visible = visible
+            .map(|(&own, visibility)| own as f64 * f64::from(visibility))
+            .collect();
         for tile in (0..self.parents.len()).rev() {
             if let Some(parent) = self.parents[tile] {
                 self.counts[parent] += self.counts[tile];
+                self.visible[parent] += self.visible[tile];
             }
         }
         self.wanted = (0..self.counts.len())
@@ -129,7 +135,7 @@ impl Seen {
             let (mut gains, mut parents) = (vec![0.0], vec![None]);
             let mut bytes = vec![cost(Item::Column(self.id, group))];
             for &tile in &self.wanted {
-                gains.push(self.importance * self.priority(group, tile));
+                gains.push(self.weight(group, tile) * self.visible[tile]);
                 bytes.push(self.page(group, tile).map_or(f64::MIN_POSITIVE, cost));
                 parents.push(Some(self.parents[tile].map_or(0, |parent| places[parent])));
             }

@@ -6,7 +6,7 @@
 //! `prefetch`, `ahead` and `motion`: views that are not shown yet. `budgets`: changes at run time.
 //! `page_format`: what the page cache holds. `outputs`: pictures
 //! and counters. `viewing`: what viewers change. `maps`, `materials`: what lies where, and how far it is, for programs that show it; `placed`: since when.
-//! `overlays`: what covers the picture. `measured`: what measurements need. `policy`: who decides what is resident.
+//! `overlays`: what covers the picture. `measured`: what measurements need. `policy`: who decides what is resident. `visibility`: where errors are seen.
 
 mod ahead;
 mod archives;
@@ -30,6 +30,7 @@ mod problems;
 mod records;
 mod stats;
 mod viewing;
+mod visibility;
 mod votes;
 mod workers;
 

@@ -70,8 +70,8 @@ impl Worths {
                 (f64::from(width) * f64::from(height) * finest / texels).min(1.0)
             })
             .collect();
-        for (record, share) in btf.index.pages().iter().zip(shares.iter().cycle()) {
-            self.count((f64::from(record.weight) * share) as f32);
+        for (weight, share) in btf.weights().zip(shares.iter().cycle()) {
+            self.count((f64::from(weight) * share) as f32);
         }
     }
 

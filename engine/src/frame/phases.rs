@@ -1,6 +1,6 @@
 //! The phases of a frame: feedback → votes → residency → requests → answers → decode → placement → picture.
 
-use super::{Engine, events::Event};
+use super::{Engine, events::Event, visibility::visibility};
 use crate::{
     Result,
     decode::Decoded,
@@ -141,8 +141,6 @@ impl Engine {
         for (archive, btf) in read {
             self.archives.set_known(archive, self.btfs.len());
             self.residency.add_material(material_info(&btf));
-            let material = MaterialId(self.btfs.len() as u16);
-            self.residency.set_importance(material, importance(&btf));
             self.window.add_material(btf.pyramid().tile_count());
             self.worths.add(&btf);
             self.events.add(Event::MaterialKnown {
@@ -243,25 +241,13 @@ impl Engine {
     }
 }
 
-/// Luminance of reflectance below which darker is not seen as different: a hundredth of white.
-const DARK: f64 = 0.01;
-
-/// What squared errors of a material count for: relative to its own mean, because it is contrast that is seen (Weber's law), and
-/// what tone curves and structural similarity keep. Without it dark materials would wait for the last highlight of bright ones.
-fn importance(btf: &Btf) -> f32 {
-    let [r, g, b] = btf.index.manifest.mean_rgb;
-    // Rec. 709.
-    let luminance = 0.2126 * r + 0.7152 * g + 0.0722 * b;
-    let seen = luminance.max(0.0) + DARK;
-    (1.0 / (seen * seen)) as f32
-}
-
 /// What residency knows of a BTF.
 pub(super) fn material_info(btf: &Btf) -> MaterialInfo {
     MaterialInfo {
         pyramid: *btf.pyramid(),
         groups: btf.groups(),
-        weights: btf.index.pages().iter().map(|record| record.weight).collect(),
+        weights: btf.weights().collect(),
+        visibility: visibility(btf),
         page_bytes: btf.index.pages().iter().map(|record| record.length).collect(),
         column_bytes: btf.index.columns().iter().map(|record| record.length).collect(),
     }

@@ -33,8 +33,6 @@ pub trait Policy {
     fn wants(&self, _item: Item) -> bool {
         true
     }
-    /// Says what errors of a material count for beside those of others.
-    fn set_importance(&mut self, _material: MaterialId, _importance: f32) {}
     /// Says that nothing more of a material can be had, or, with `false`, that it can again.
     fn set_retired(&mut self, _material: MaterialId, _retired: bool) {}
     /// Whether an item stays as long as its material is seen.
@@ -79,9 +77,6 @@ impl Policy for Residency {
     }
     fn wants(&self, item: Item) -> bool {
         Residency::wants(self, item)
-    }
-    fn set_importance(&mut self, material: MaterialId, importance: f32) {
-        Residency::set_importance(self, material, importance);
     }
     fn set_retired(&mut self, material: MaterialId, retired: bool) {
         Residency::set_retired(self, material, retired);

@@ -58,6 +58,16 @@ impl Btf {
         }
     }
 
+    /// w of each page in squared reflectance (paper, equation 8): group by group, within a group by tile index.
+    pub fn weights(&self) -> impl Iterator<Item = f32> + '_ {
+        // A power of two: exact.
+        let scale = self.index.manifest.texture_scale as f32;
+        self.index
+            .pages()
+            .iter()
+            .map(move |record| record.weight * scale * scale)
+    }
+
     /// Component groups.
     pub fn groups(&self) -> u16 {
         self.index.manifest.groups() as u16

@@ -18,9 +18,11 @@ pub(super) struct Group {
     pub(super) column_slot: u32,
     /// The column is resident, in flight, or about to be asked for: without it pages are worth nothing.
     pub(super) open: bool,
-    /// Σ w·v over the wanted pages, by class: what the column is worth.
+    /// What the wanted pages are worth together, by class, and with them the column.
     pub(super) worth: [f64; 2],
-    /// The part of the worth now that is not resident.
+    /// Σ w·v over the pages that are wanted now.
+    pub(super) error: f64,
+    /// The part of it that is not resident.
     pub(super) missing: f64,
     /// Tiles whose pages are resident, in no particular order.
     pub(super) residents: Vec<u32>,
@@ -40,6 +42,7 @@ impl Default for Group {
             column_slot: NONE,
             open: false,
             worth: [0.0; 2],
+            error: 0.0,
             missing: 0.0,
             residents: Vec::new(),
             lowest: None,
@@ -56,7 +59,7 @@ impl Group {
         if !std::mem::replace(&mut self.valued, true) {
             for (wanted, values) in wanted.iter().zip(&mut self.values) {
                 values.clear();
-                values.extend(wanted.errors(weights));
+                values.extend(wanted.worths(weights));
                 blocks.share(values, wanted.parents());
             }
         }

@@ -37,6 +37,9 @@ pub struct MaterialInfo {
     pub groups: u16,
     /// w of each page (paper, equation 8): group by group, within a group by tile index.
     pub weights: Vec<f32>,
+    /// What a squared error counts for where pixels want each tile, beside those of other places: by tile index; 1 where it is missing, or not positive
+    /// and finite. Values and priorities are in this unit, what is reported is in that of reflectance.
+    pub visibility: Vec<f32>,
     /// Bytes of the records of the pages, in the same order; those that are missing count as none.
     pub page_bytes: Vec<u32>,
     /// Bytes of the records of the columns, by group; those that are missing count as none.

@@ -21,9 +21,9 @@ pub(super) struct Material {
     grids: Vec<(u32, u32, u32)>,
     parents: Vec<u32>,
     children: Vec<[u32; 4]>,
-    /// What its errors count for.
-    importance: f32,
-    /// w, `[group][tile]`, times the importance; finite and not negative.
+    /// What a squared error counts for where pixels want a tile; positive, finite.
+    visibility: Vec<f32>,
+    /// w, `[group][tile]`; finite and not negative.
     weights: Vec<f32>,
     /// The same, `[tile][group]`.
     weights_by_tile: Vec<f32>,
@@ -47,6 +47,7 @@ impl Material {
             pyramid,
             groups,
             mut weights,
+            mut visibility,
             page_bytes,
             column_bytes,
         } = info;
@@ -55,6 +56,12 @@ impl Material {
         weights.resize(pages, 0.0);
         for weight in &mut weights {
             *weight = if weight.is_finite() { weight.max(0.0) } else { 0.0 };
+        }
+        visibility.resize(tiles as usize, 1.0);
+        for visibility in &mut visibility {
+            if !(visibility.is_normal() && *visibility > 0.0) {
+                *visibility = 1.0;
+            }
         }
         let index = |tile| pyramid.tile_index(tile).unwrap_or(NONE);
         let parents = pyramid
@@ -77,7 +84,7 @@ impl Material {
         Self {
             id,
             tiles,
-            importance: 1.0,
+            visibility,
             weights_by_tile,
             grids: grids.collect(),
             parents: parents.collect(),
@@ -121,24 +128,12 @@ impl Material {
 
     /// Squared error of reflectance, summed over all pixels, of what is not resident.
     pub(super) fn missing(&self) -> f64 {
-        self.missing / f64::from(self.importance)
-    }
-
-    /// Lets its errors count for so much: positive, finite. Values follow with the next votes, which are taken as new.
-    pub(super) fn set_importance(&mut self, importance: f32) {
-        let change = importance / self.importance;
-        for weight in self.weights.iter_mut().chain(&mut self.weights_by_tile) {
-            *weight = (*weight * change).min(f32::MAX);
-        }
-        self.missing *= f64::from(change);
-        self.importance = importance;
-        self.wanted = Default::default();
+        self.missing
     }
 
     /// Squared errors, summed over all pixels, of what is not resident, and of all that is wanted.
     pub(super) fn errors(&self) -> [f64; 2] {
-        let all = self.groups.iter().map(|group| group.worth[Class::Now as usize]);
-        [self.missing, all.sum()]
+        [self.missing, self.groups.iter().map(|group| group.error).sum()]
     }
 
     /// Bytes of an item's record.
@@ -187,15 +182,18 @@ impl Material {
                 continue;
             }
             let last_wanted = &mut self.last_wanted;
-            wanted.set(votes, &self.parents, |tile| {
+            wanted.set(votes, &self.parents, &self.visibility, |tile| {
                 if class == Class::Now as usize {
                     last_wanted[tile as usize] = now;
                 }
             });
-            let mut worths = vec![0.0; self.groups.len()];
-            wanted.worths(&self.weights_by_tile, &mut worths);
-            for (group, worth) in self.groups.iter_mut().zip(worths) {
+            let mut sums = vec![[0.0; 2]; self.groups.len()];
+            wanted.sum(&self.weights_by_tile, &mut sums);
+            for (group, [worth, error]) in self.groups.iter_mut().zip(sums) {
                 group.worth[class] = worth;
+                if class == Class::Now as usize {
+                    group.error = error;
+                }
             }
         }
         for group in 0..self.groups.len() {
@@ -231,7 +229,7 @@ impl Material {
                 .map(|(&tile, error)| if slots[tile as usize] == NONE { error } else { 0.0 })
                 .sum()
         } else {
-            self.groups[group].worth[Class::Now as usize]
+            self.groups[group].error
         };
         self.groups[group].missing = missing;
     }

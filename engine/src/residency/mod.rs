@@ -28,6 +28,10 @@
 //! same number, so every swap raises the sum of the values of all that is resident, which cannot go on
 //! forever: static votes settle.
 //!
+//! Where a program says how much errors are [seen](MaterialInfo::visibility), v counts each pixel by that of the tile for
+//! which it votes. It is a factor of the pixel, not of the page, so all of the above holds as it is; what is reported
+//! counts pixels as pixels.
+//!
 //! A plain P has one trap. The mips of a woven or porous material hold next to nothing until its structure
 //! begins, so w·v of the pages on the way there may be (nearly) zero and would never be asked for, whatever
 //! lies beneath them. So where a page's descendants are worth more than the page itself, they share: the
@@ -221,20 +225,6 @@ impl Residency {
             self.unsettled = true;
         }
         id
-    }
-
-    /// Says what errors of a material count for beside those of others: 1 unless it is said. Values and priorities are in this
-    /// unit, what is reported is in that of reflectance. Nothing changes for a factor that is not positive and finite.
-    pub fn set_importance(&mut self, material: MaterialId, importance: f32) {
-        let Some(at) = self.materials.get_mut(usize::from(material.0)) else {
-            return;
-        };
-        if importance.is_normal() && importance > 0.0 {
-            at.set_importance(importance);
-            // Votes for it are taken anew.
-            self.votes = Default::default();
-            self.unsettled = true;
-        }
     }
 
     /// Lets votes for a material count for nothing from now on (`true`), or lets them count again. What of it is in flight is

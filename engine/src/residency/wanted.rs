@@ -19,6 +19,8 @@ pub(super) struct Wanted {
     parents: Vec<u32>,
     /// For each wanted tile v.
     pixels: Vec<f64>,
+    /// The same, each pixel counted by the visibility of errors where its vote falls.
+    visible: Vec<f64>,
 }
 
 impl Wanted {
@@ -56,13 +58,20 @@ impl Wanted {
         wanted.map(|(&tile, pixels)| f64::from(weights[tile as usize]) * pixels)
     }
 
-    /// Σ w·v of each group; weights are `[tile][group]`.
-    pub(super) fn worths(&self, weights: &[f32], worths: &mut [f64]) {
-        worths.fill(0.0);
-        for (&tile, pixels) in self.tiles.iter().zip(&self.pixels) {
-            let weights = &weights[tile as usize * worths.len()..][..worths.len()];
-            for (worth, weight) in worths.iter_mut().zip(weights) {
-                *worth += f64::from(*weight) * pixels;
+    /// The same by visibility: what a page is worth by itself.
+    pub(super) fn worths<'a>(&'a self, weights: &'a [f32]) -> impl Iterator<Item = f64> + 'a {
+        let wanted = self.tiles.iter().zip(&self.visible);
+        wanted.map(|(&tile, visible)| f64::from(weights[tile as usize]) * visible)
+    }
+
+    /// Sums over the wanted tiles of what their pages are worth, and of w·v, of each group; weights are `[tile][group]`.
+    pub(super) fn sum(&self, weights: &[f32], sums: &mut [[f64; 2]]) {
+        sums.fill([0.0; 2]);
+        for ((&tile, pixels), visible) in self.tiles.iter().zip(&self.pixels).zip(&self.visible) {
+            let weights = &weights[tile as usize * sums.len()..][..sums.len()];
+            for ([worth, error], weight) in sums.iter_mut().zip(weights) {
+                *worth += f64::from(*weight) * visible;
+                *error += f64::from(*weight) * pixels;
             }
         }
     }
@@ -73,8 +82,14 @@ impl Wanted {
     }
 
     /// Replaces the votes, given by tile and each tile once; what changes are the ways from the tiles whose votes
-    /// differ up to the root. `parents` are those of all tiles. Tells `left` which tiles are wanted no more.
-    pub(super) fn set(&mut self, votes: &mut Vec<(u32, u64)>, parents: &[u32], left: impl FnMut(u32)) {
+    /// differ up to the root. `parents` and `visibility` are those of all tiles. Tells `left` which tiles are wanted no more.
+    pub(super) fn set(
+        &mut self,
+        votes: &mut Vec<(u32, u64)>,
+        parents: &[u32],
+        visibility: &[f32],
+        left: impl FnMut(u32),
+    ) {
         self.counts.resize(parents.len(), 0);
         self.places.resize(parents.len(), NONE);
         let mut touched = Vec::new();
@@ -103,6 +118,20 @@ impl Wanted {
         }
         std::mem::swap(&mut self.votes, votes);
         self.list(touched, parents, left);
+        self.weigh(visibility);
+    }
+
+    /// Sums up by visibility, children before their parents.
+    fn weigh(&mut self, visibility: &[f32]) {
+        self.visible.clear();
+        let mut votes = self.votes.iter().peekable();
+        self.visible.extend(self.tiles.iter().map(|&tile| {
+            let own = votes.next_if(|vote| vote.0 == tile).map_or(0, |vote| vote.1);
+            own as f64 * f64::from(visibility[tile as usize])
+        }));
+        for place in (1..self.tiles.len()).rev() {
+            self.visible[self.parents[place] as usize] += self.visible[place];
+        }
     }
 
     fn list(&mut self, touched: Vec<u32>, parents: &[u32], mut left: impl FnMut(u32)) {
@@ -162,20 +191,21 @@ mod tests {
         #[test]
         fn changed_votes_give_what_new_ones_give(trace in prop::collection::vec(votes(), 1..8)) {
             let parents = parents();
+            let visibility: Vec<f32> = (0..31u8).map(|tile| f32::from(tile % 5 + 1)).collect();
             let mut wanted = Wanted::default();
             for votes in trace {
                 let before: Vec<u32> = wanted.tiles().to_vec();
                 let mut left = Vec::new();
-                wanted.set(&mut votes.clone(), &parents, |tile| left.push(tile));
+                wanted.set(&mut votes.clone(), &parents, &visibility, |tile| left.push(tile));
                 let mut fresh = Wanted::default();
-                fresh.set(&mut votes.clone(), &parents, |_| {});
+                fresh.set(&mut votes.clone(), &parents, &visibility, |_| {});
                 prop_assert_eq!(&wanted.tiles, &fresh.tiles);
                 prop_assert_eq!(&wanted.parents, &fresh.parents);
                 prop_assert_eq!(&wanted.pixels, &fresh.pixels);
                 prop_assert_eq!(&wanted.places, &fresh.places);
                 let gone = before.into_iter().filter(|tile| !fresh.tiles.contains(tile));
                 prop_assert_eq!(left, gone.collect::<Vec<_>>());
-                for (&tile, &pixels) in wanted.tiles.iter().zip(&wanted.pixels) {
+                for ((&tile, &pixels), &visible) in wanted.tiles.iter().zip(&wanted.pixels).zip(&wanted.visible) {
                     let below = votes.iter().filter(|vote| {
                         let mut at = vote.0;
                         while at != tile && at != 0 {
@@ -183,7 +213,11 @@ mod tests {
                         }
                         at == tile
                     });
-                    prop_assert_eq!(below.map(|vote| vote.1).sum::<u64>() as f64, pixels);
+                    let below: Vec<_> = below.collect();
+                    prop_assert_eq!(below.iter().map(|vote| vote.1).sum::<u64>() as f64, pixels);
+                    // Whole numbers, so the sum is exact in any order.
+                    let weighed = below.iter().map(|vote| vote.1 as f64 * f64::from(visibility[vote.0 as usize]));
+                    prop_assert_eq!(weighed.sum::<f64>(), visible);
                 }
             }
         }

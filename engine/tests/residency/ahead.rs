@@ -25,6 +25,7 @@ fn residency(limits: Limits, weights: &[[f32; 2]]) -> Residency {
             pyramid,
             groups: 1,
             weights: weights.to_vec(),
+            visibility: Vec::new(),
             page_bytes: vec![100; 2],
             column_bytes: vec![50],
         });

@@ -18,6 +18,7 @@ fn material(weights: &[[f32; 6]]) -> MaterialInfo {
         pyramid: pyramid(),
         groups: weights.len() as u16,
         weights: weights.concat(),
+        visibility: Vec::new(),
         page_bytes: Vec::new(),
         column_bytes: Vec::new(),
     }
@@ -338,6 +339,7 @@ fn weights_that_are_no_weights_count_as_zero() {
         pyramid: pyramid(),
         groups: 2,
         weights,
+        visibility: Vec::new(),
         page_bytes: Vec::new(),
         column_bytes: Vec::new(),
     });
@@ -424,34 +426,35 @@ fn a_retired_material_is_wanted_no_more_until_it_comes_back() {
 }
 
 #[test]
-fn importance_changes_the_order_and_not_what_is_predicted() {
+fn visibility_changes_the_order_and_not_what_is_predicted() {
     let weights: &[[f32; 6]] = &[[8.0, 4.0, 0.0, 0.0, 0.0, 0.0]];
     let votes = [vote(0, 1, 10), vote(1, 1, 10)];
-    for (importance, first) in [
+    for (visibility, first) in [
         ([1.0, 1.0], 0),
         ([1.0, 4.0], 1),
         ([4.0, 1.0], 0),
         ([1.0, f32::NAN], 0),
+        ([1.0, -4.0], 0),
     ] {
         // No first roots are pinned with so few slots.
-        let mut residency = residency(3, 2, &[weights, weights]);
-        for (material, importance) in (0..).zip(importance) {
-            residency.set_importance(MaterialId(material), importance);
+        let mut residency = residency(3, 2, &[]);
+        for visibility in visibility {
+            // Errors count where votes fall, not where pages are missing.
+            let visibility = vec![100.0, visibility];
+            residency.add_material(MaterialInfo {
+                visibility,
+                ..material(weights)
+            });
         }
         let plan = residency.update(&votes, &[]);
-        assert_eq!(plan.request[0], column(first, 0), "{importance:?}");
+        assert_eq!(plan.request[0], column(first, 0), "{visibility:?}");
         assert!((residency.summary().predicted_mse - 12.0).abs() < 1e-9);
         for item in &plan.request {
             residency.arrived(*item);
         }
         settle(&mut residency, &votes);
-        assert!(is_resident(&residency, page(first, 0, 1)), "{importance:?}");
+        assert!(is_resident(&residency, page(first, 0, 1)), "{visibility:?}");
         // Of the other material, half the pixels, the finer page is missing.
-        assert!((residency.summary().predicted_mse - 2.0).abs() < 1e-9);
-        // Said later, it changes who has the third slot.
-        residency.set_importance(MaterialId(1 - first), 100.0);
-        settle(&mut residency, &votes);
-        assert!(is_resident(&residency, page(1 - first, 0, 1)));
         assert!((residency.summary().predicted_mse - 2.0).abs() < 1e-9);
     }
 }

@@ -37,6 +37,7 @@ pub(crate) fn scene() -> impl Strategy<Value = Scene> {
                 pyramid,
                 groups,
                 weights,
+                visibility: Vec::new(),
                 page_bytes,
                 column_bytes,
             })
@@ -44,6 +45,18 @@ pub(crate) fn scene() -> impl Strategy<Value = Scene> {
     prop::collection::vec(material, 1..4).prop_map(|materials| Scene {
         materials,
         votes: Vec::new(),
+    })
+}
+
+/// The same where errors are seen more in some places than in others.
+pub(crate) fn scene_seen() -> impl Strategy<Value = Scene> {
+    // Powers of two, so that sums stay exact.
+    let visibility = prop::collection::vec((-3i32..4).prop_map(|n| 2f32.powi(n)), 30);
+    (scene(), prop::collection::vec(visibility, 3)).prop_map(|(mut scene, visibility)| {
+        for (material, visibility) in scene.materials.iter_mut().zip(visibility) {
+            material.visibility = visibility;
+        }
+        scene
     })
 }
 

@@ -28,12 +28,29 @@ pub(super) fn is_wanted(rank: &Rank) -> bool {
 }
 
 impl Plain {
-    /// w·v.
+    /// w·v, each pixel by the visibility of errors where its vote falls.
     pub(super) fn gain(&self, material: u16, group: u16, tile: Tile, class: usize) -> f64 {
         let MaterialInfo { pyramid, weights, .. } = &self.materials[usize::from(material)];
         let index = pyramid.tile_index(tile).expect("a tile") as usize;
         let weight = weights[usize::from(group) * pyramid.tile_count() as usize + index];
-        f64::from(weight) * self.count(material, tile, class) as f64
+        f64::from(weight) * self.visible_count(material, tile, class)
+    }
+
+    fn visible_count(&self, material: u16, tile: Tile, class: usize) -> f64 {
+        let MaterialInfo {
+            pyramid, visibility, ..
+        } = &self.materials[usize::from(material)];
+        let own = self.votes[class]
+            .iter()
+            .filter(|vote| vote.material.0 == material && pyramid.tile_at(vote.tile) == Some(tile));
+        let index = pyramid.tile_index(tile).expect("a tile") as usize;
+        let visibility = visibility
+            .get(index)
+            .map_or(1.0, |visibility| f64::from(*visibility));
+        let below = pyramid
+            .children(tile)
+            .map(|child| self.visible_count(material, child, class));
+        own.map(|vote| f64::from(vote.pixels)).sum::<f64>() * visibility + below.sum::<f64>()
     }
 
     /// v: votes of the tile and its descendants.
