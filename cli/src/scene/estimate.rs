@@ -9,7 +9,7 @@ use crate::bytes;
 /// Seconds of a core for building a material, before anything is traced.
 const BUILD_SECONDS: f64 = 0.8;
 /// Texels that a core traces from a view in a second, with their shares of the cells' shadow rays.
-const SEEN_PER_SECOND: f64 = 3.0e5;
+const SEEN_PER_SECOND: f64 = 6.0e5;
 /// Samples (texel, view and light) that a core shades in a second.
 const SHADED_PER_SECOND: f64 = 6.0e7;
 /// Samples times components that are factorized in a second on one core, and those that are projected.

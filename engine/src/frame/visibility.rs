@@ -6,8 +6,8 @@ use crate::gpu::materials::Btf;
 const DARK: f64 = 0.01;
 
 /// How much a square of contrast hides beside one of the mean. Of 0, 3, 10, 30, 100 and 300 the one with which pictures came with the
-/// fewest bytes (`eigentile bench stream`; between 3 and 100 they differ by a tenth).
-const MASKING: f64 = 10.0;
+/// fewest bytes (`eigentile bench stream`; from 3 to 100 they differ by an eighth).
+const MASKING: f64 = 3.0;
 
 /// What a squared error of reflectance counts for where pixels want each tile: 1 / (mean² + masking · contrast²).
 ///
@@ -61,7 +61,7 @@ mod tests {
     fn contrast_above_and_at_a_tile_hides_errors() {
         let weights = [9.0, 0.001, 0.0, 0.002, 9.0, 0.003, 0.0, 0.002];
         let found = visibilities(0.19, &PARENTS, &weights);
-        let expected = [25.0, 1.0 / 0.08, 25.0, 1.0 / 0.12];
+        let expected = [25.0, 1.0 / 0.052, 25.0, 1.0 / 0.064];
         for (found, expected) in found.iter().zip(expected) {
             assert!(
                 (f64::from(*found) - expected).abs() < 1e-5,
