@@ -52,8 +52,12 @@ pub struct Line {
     pub connections: u64,
     /// As [`Network::streams`].
     pub streams: u64,
+    /// As [`Network::batch`].
+    pub batch: u64,
     /// As [`Network::header_bytes`].
     pub header_bytes: u64,
+    /// As [`Network::frame_bytes`].
+    pub frame_bytes: u64,
 }
 
 impl From<Network> for Line {
@@ -67,7 +71,9 @@ impl From<Network> for Line {
             reorder: network.reorder,
             connections: network.connections as u64,
             streams: network.streams as u64,
+            batch: network.batch as u64,
             header_bytes: network.header_bytes,
+            frame_bytes: network.frame_bytes,
         }
     }
 }
@@ -83,7 +89,9 @@ impl From<Line> for Network {
             reorder: line.reorder,
             connections: count(line.connections),
             streams: count(line.streams),
+            batch: count(line.batch),
             header_bytes: line.header_bytes,
+            frame_bytes: line.frame_bytes,
         }
     }
 }

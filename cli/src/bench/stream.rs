@@ -29,12 +29,15 @@ pub(crate) struct Arguments {
     /// is lost; again for more. All that have names without it.
     #[arg(long = "network", value_name = "NAME|MBIT,MS[,LOSS]", value_parser = parse_network)]
     networks: Vec<NamedNetwork>,
-    /// Connections of each network.
-    #[arg(long, value_name = "N", default_value_t = 1)]
-    connections: usize,
-    /// Requests under way on a connection; 1 is HTTP/1.1, more are HTTP/2 or batches.
-    #[arg(long, value_name = "N", default_value_t = 256)]
-    streams: usize,
+    /// Connections of each network, instead of as many as the client has to a tile server.
+    #[arg(long, value_name = "N")]
+    connections: Option<usize>,
+    /// Requests under way on a connection, instead of the one of HTTP/1.1: more are HTTP/2.
+    #[arg(long, value_name = "N")]
+    streams: Option<usize>,
+    /// Records of one archive in one answer, instead of as many as the client asks of a tile server; 1 is without batches.
+    #[arg(long, value_name = "N")]
+    batch: Option<usize>,
     /// Width and height of the pictures, pixels.
     #[arg(long, default_value = "640x360", value_parser = parse_size)]
     size: (u32, u32),
@@ -82,7 +85,7 @@ caches each; their figures are means, and bytes of the best baseline those of th
 
 /// Longest way of the camera, seconds.
 const MOST_SECONDS: f64 = 120.0;
-/// Most connections, and requests on one.
+/// Most connections, requests on one, and records in an answer.
 const MOST_STREAMS: usize = 256;
 /// Most standing views.
 const MOST_STANDS: usize = 100;
@@ -94,8 +97,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         arguments.seconds
     );
     for (name, value) in [
-        ("--connections", arguments.connections),
-        ("--streams", arguments.streams),
+        ("--connections", arguments.connections.unwrap_or(1)),
+        ("--streams", arguments.streams.unwrap_or(1)),
+        ("--batch", arguments.batch.unwrap_or(1)),
         ("--materials", arguments.materials.unwrap_or(1)),
     ] {
         ensure!(
@@ -170,9 +174,10 @@ fn networks(arguments: &Arguments) -> Vec<NamedNetwork> {
         true => named.collect(),
         false => arguments.networks.clone(),
     };
-    for named in &mut networks {
-        named.network.connections = arguments.connections;
-        named.network.streams = arguments.streams;
+    for NamedNetwork { network, .. } in &mut networks {
+        network.connections = arguments.connections.unwrap_or(network.connections);
+        network.streams = arguments.streams.unwrap_or(network.streams);
+        network.batch = arguments.batch.unwrap_or(network.batch);
     }
     networks
 }

@@ -18,7 +18,7 @@ use super::{Answer, Request, SourceStats, Ticket, TileSource, inbox::Inbox, sour
 use crate::{Error, Result};
 
 /// Requests in flight. The disk is the limit, not the queue: it only has to bridge a frame.
-const CAPACITY: usize = 64;
+const CAPACITY: usize = 256;
 /// Files that are kept open, the ones used last. Systems allow a process 256 open files and more.
 const MAX_OPEN_FILES: NonZeroUsize = NonZeroUsize::new(64).unwrap();
 

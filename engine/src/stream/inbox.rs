@@ -87,6 +87,12 @@ impl<T> Inbox<T> {
         Some(answer)
     }
 
+    /// Whether an answer is here.
+    pub(super) fn is_ready(&mut self) -> bool {
+        self.collect();
+        !self.ready.is_empty()
+    }
+
     /// Waits for an answer to an open request, at most `limit`.
     pub(super) fn wait(&mut self, limit: Duration) {
         let begin = std::time::Instant::now();

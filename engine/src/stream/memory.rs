@@ -13,7 +13,7 @@ use super::{Answer, Request, Ticket, TileSource};
 use crate::{Error, Result};
 
 /// Requests in flight, unless [`MemorySource::with_capacity`] says otherwise.
-const CAPACITY: usize = 64;
+const CAPACITY: usize = 256;
 
 struct Stored {
     index: Index,

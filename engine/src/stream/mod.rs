@@ -52,6 +52,7 @@ mod retried;
 mod room;
 mod source;
 mod stats;
+mod together;
 mod transport;
 
 #[cfg(not(target_arch = "wasm32"))]

@@ -180,7 +180,9 @@ fn networked<S: TileSource>(inner: S, bytes_per_poll: u64) -> Ticking<S> {
         reorder: 0.2,
         connections: 2,
         streams: 3,
+        batch: 3,
         header_bytes: 50,
+        frame_bytes: 16,
     };
     Ticking(NetworkSource::new(inner, network, 5))
 }

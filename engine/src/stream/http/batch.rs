@@ -8,19 +8,19 @@ use std::sync::{
 use bytes::{Buf, Bytes, BytesMut};
 use tokio::task::AbortHandle;
 
-use super::{super::Request, fetch::Flight};
+use super::{
+    super::{Request, together::FRAME_BYTES},
+    fetch::Flight,
+};
 use crate::{Error, Result};
 
-/// Most records of one batch; servers take 256.
-pub(super) const MAX_RECORDS: usize = 64;
-/// Bytes in front of each record.
-const FRAME_BYTES: usize = 16;
 /// Largest error that stands for a record.
 const MAX_MESSAGE_BYTES: u64 = 16 << 10;
 
-/// What carries requests: given up when all of them are.
+/// What carries requests: given up when nobody waits for any of them.
 pub(super) struct Carrier {
     task: OnceLock<AbortHandle>,
+    /// Requests that are waited for.
     left: AtomicUsize,
 }
 
@@ -37,13 +37,16 @@ impl Carrier {
         let _ = self.task.set(task);
     }
 
-    /// One of the requests is not waited for any more. Returns whether it was the last one, and all is given up.
-    pub(super) fn give_up(&self) -> bool {
-        let last = self.left.fetch_sub(1, Ordering::Relaxed) == 1;
-        if last && let Some(task) = self.task.get() {
+    /// One of the requests less is waited for. Returns whether it was the last one.
+    pub(super) fn leave(&self) -> bool {
+        self.left.fetch_sub(1, Ordering::Relaxed) == 1
+    }
+
+    /// Ends it.
+    pub(super) fn abort(&self) {
+        if let Some(task) = self.task.get() {
             task.abort();
         }
-        last
     }
 }
 

@@ -150,7 +150,7 @@ where
     Client::builder(TokioExecutor::new())
         .pool_timer(TokioTimer::new())
         .pool_idle_timeout(IDLE_CONNECTION)
-        .pool_max_idle_per_host(options.in_flight)
+        .pool_max_idle_per_host(options.connections)
         .build(connector)
 }
 

@@ -4,7 +4,7 @@ use std::{
     collections::HashMap,
     sync::{
         Arc, Mutex, OnceLock, PoisonError,
-        atomic::{AtomicU64, Ordering},
+        atomic::{AtomicBool, AtomicU64, Ordering},
     },
 };
 
@@ -16,7 +16,7 @@ use tileset::{
 };
 
 use super::{
-    super::{Request, directories::parse_shared},
+    super::{Request, Ticket, directories::parse_shared, together::Waiting},
     HttpOptions,
     address::Address,
     batch::{self, Carrier, Frames},
@@ -81,6 +81,8 @@ pub(super) struct Flight {
     pub(super) length: AtomicU64,
     /// What brings it, once it is sent.
     pub(super) carrier: OnceLock<Arc<Carrier>>,
+    /// It is answered, or given up.
+    over: AtomicBool,
 }
 
 impl Flight {
@@ -91,7 +93,44 @@ impl Flight {
             wire_bytes: AtomicU64::new(0),
             length: AtomicU64::new(0),
             carrier: OnceLock::new(),
+            over: AtomicBool::new(false),
         }
+    }
+
+    /// It is answered.
+    pub(super) fn end(&self) {
+        self.leave();
+    }
+
+    /// Nobody waits for it. Returns whether it will not come: it was not sent, or nobody waits for anything else that
+    /// comes with it, and all is broken off.
+    pub(super) fn give_up(&self) -> bool {
+        match self.carrier.get() {
+            None => true,
+            Some(carrier) => {
+                let last = self.leave();
+                if last {
+                    carrier.abort();
+                }
+                last
+            }
+        }
+    }
+
+    /// Returns whether it was the last one of its carrier.
+    fn leave(&self) -> bool {
+        let first = !self.over.swap(true, Ordering::Relaxed);
+        first && self.carrier.get().is_some_and(|carrier| carrier.leave())
+    }
+}
+
+impl Waiting for (Ticket, Arc<Flight>) {
+    fn request(&self) -> &Request {
+        &self.1.request
+    }
+
+    fn is_alone(&self) -> bool {
+        self.1.anew
     }
 }
 

@@ -16,10 +16,13 @@ mod transport;
 use std::{
     path::PathBuf,
     sync::{Arc, atomic::Ordering},
-    time::Duration,
+    time::{Duration, Instant},
 };
 
-use tokio::runtime::{Builder, Runtime};
+use tokio::{
+    runtime::{Builder, Runtime},
+    sync::{OwnedSemaphorePermit, Semaphore},
+};
 
 pub(super) use self::address::Address;
 pub use self::transport::HttpTransport;
@@ -27,14 +30,23 @@ use self::{
     batch::Carrier,
     fetch::{Fetcher, Flight},
 };
-use super::{Answer, Request, SourceStats, Ticket, TileSource, inbox::Inbox};
+use super::{
+    Answer, Request, SourceStats, Ticket, TileSource,
+    inbox::Inbox,
+    together::{CONNECTIONS, MAX_RECORDS, take_next},
+};
 use crate::{Error, Result};
+
+/// How soon a connection that has become free is used while something waits for one.
+const TICK: Duration = Duration::from_millis(1);
 
 /// How sources over HTTP ask. Defaults work.
 #[derive(Clone, Debug)]
 pub struct HttpOptions {
-    /// Requests in flight, and so connections, at most; at least one.
-    pub in_flight: usize,
+    /// Records in flight, at most; at least one. They share connections where the server does batches.
+    pub records: usize,
+    /// Connections, at most; at least one.
+    pub connections: usize,
     /// Longest silence: until there is a connection, until an answer begins, and between its parts.
     pub silence: Duration,
     /// PEM file with certificates of authorities that are trusted besides those that the system trusts, for `https://`.
@@ -44,7 +56,8 @@ pub struct HttpOptions {
 impl Default for HttpOptions {
     fn default() -> Self {
         Self {
-            in_flight: 32,
+            records: 256,
+            connections: CONNECTIONS,
             silence: Duration::from_secs(20),
             ca_file: None,
         }
@@ -71,15 +84,18 @@ fn network_thread() -> Result<Runtime> {
 /// content never changes. When the server has a newer archive of the name, records of the old one are refused
 /// with an error that says so, until the index is asked for again.
 ///
-/// Records that are submitted between two looks (`poll` or `wait`) travel together where the server does batches.
+/// Records of one archive that are submitted between two looks (`poll` or `wait`), or while all connections are busy, travel together where
+/// the server does batches.
 ///
 /// A request is tried once, and hashes are not checked: [`super::RetriedSource`] does both.
 ///
 /// [`Answer::wire_bytes`] counts bodies and headers that were received, manifests included.
 pub struct HttpSource {
     inbox: Inbox<Arc<Flight>>,
-    /// Records that are sent with the next look at the source, so that those of one go are seen together.
+    /// What is sent with the next look at the source at which a connection is free, so that records of one go are seen together.
     pending: Vec<(Ticket, Arc<Flight>)>,
+    /// Free connections.
+    connections: Arc<Semaphore>,
     fetcher: Arc<Fetcher>,
     stats: SourceStats,
     /// `None` only while the source is dropped.
@@ -93,8 +109,10 @@ impl HttpSource {
     /// [`Error::Source`] if the address is none, certificates cannot be read, or no thread can be started.
     pub fn new(address: &str, options: &HttpOptions) -> Result<Self> {
         let address = Address::parse(address)?.without_query()?;
-        let inbox = Inbox::new(options.in_flight.max(1));
+        let inbox = Inbox::new(options.records.max(1));
+        let connections = options.connections.clamp(1, Semaphore::MAX_PERMITS);
         Ok(Self {
+            connections: Arc::new(Semaphore::new(connections)),
             inbox,
             fetcher: Arc::new(Fetcher::new(address, options)?),
             pending: Vec::new(),
@@ -107,35 +125,26 @@ impl HttpSource {
         let flight = Arc::new(Flight::new(request, anew));
         let ticket = self.inbox.open(|_| Arc::clone(&flight))?;
         self.stats.requested += 1;
-        if anew || matches!(flight.request, Request::Index { .. }) {
-            self.send(vec![(ticket, flight)]);
-        } else {
-            self.pending.push((ticket, flight));
-        }
+        self.pending.push((ticket, flight));
         Some(ticket)
     }
 
-    /// Sends what was submitted since the last call: records of one archive together, if the server does that.
+    /// Sends what waits, as far as connections are free: records of one archive together, if the server does that.
     fn send_pending(&mut self) {
-        while let Some((_, first)) = self.pending.first() {
-            let archive = Arc::clone(first.request.archive());
-            let mut together = 0;
-            let most = match self.fetcher.has_batches(&archive) {
-                true => batch::MAX_RECORDS,
-                false => 1,
+        while !self.pending.is_empty() {
+            let Ok(permit) = Arc::clone(&self.connections).try_acquire_owned() else {
+                return;
             };
-            let taken = self.pending.extract_if(.., |(_, flight)| {
-                let taken = together < most && *flight.request.archive() == archive;
-                together += usize::from(taken);
-                taken
+            let sent = take_next(&mut self.pending, |archive| match self.fetcher.has_batches(archive) {
+                true => MAX_RECORDS,
+                false => 1,
             });
-            let taken = taken.collect();
-            self.send(taken);
+            self.send(sent, permit);
         }
     }
 
     /// Sends requests, several only to a server with batches.
-    fn send(&mut self, sent: Vec<(Ticket, Arc<Flight>)>) {
+    fn send(&mut self, sent: Vec<(Ticket, Arc<Flight>)>, permit: OwnedSemaphorePermit) {
         let Some(runtime) = self.runtime.as_ref() else {
             return;
         };
@@ -149,6 +158,7 @@ impl HttpSource {
         let fetched = async move {
             let answer = |at: usize, bytes| {
                 let flight: &Flight = &flights[at];
+                flight.end();
                 // Nobody listens any more: the source is gone.
                 let _ = answers.send(Answer {
                     ticket: tickets[at],
@@ -162,6 +172,7 @@ impl HttpSource {
                 [only] => answer(0, fetcher.fetch(only).await),
                 several => fetcher.fetch_all(several, answer).await,
             }
+            drop(permit);
         };
         carrier.set_task(runtime.spawn(fetched).abort_handle());
     }
@@ -191,7 +202,7 @@ impl TileSource for HttpSource {
         self.pending.retain(|(pending, _)| *pending != ticket);
         self.stats.cancelled += 1;
         // A record in the middle of a batch comes all the same.
-        if flight.carrier.get().is_none_or(|carrier| carrier.give_up()) {
+        if flight.give_up() {
             let received = flight.wire_bytes.load(Ordering::Relaxed);
             let length = flight.length.load(Ordering::Relaxed);
             self.stats.cancelled_bytes_saved += length.saturating_sub(received);
@@ -204,8 +215,14 @@ impl TileSource for HttpSource {
     }
 
     fn wait(&mut self, limit: Duration) {
+        let begin = Instant::now();
         self.send_pending();
-        self.inbox.wait(limit);
+        // A connection becomes free a little later than its last answer comes.
+        while !self.pending.is_empty() && !self.inbox.is_ready() && begin.elapsed() < limit {
+            self.inbox.wait(TICK.min(limit));
+            self.send_pending();
+        }
+        self.inbox.wait(limit.saturating_sub(begin.elapsed()));
     }
 
     fn origin(&self) -> String {
@@ -223,11 +240,7 @@ impl TileSource for HttpSource {
 
 impl Drop for HttpSource {
     fn drop(&mut self) {
-        let carriers = self
-            .inbox
-            .drain()
-            .filter_map(|flight| flight.carrier.get().cloned());
-        carriers.for_each(|carrier| _ = carrier.give_up());
+        self.inbox.drain().for_each(|flight| _ = flight.give_up());
         if let Some(runtime) = self.runtime.take() {
             runtime.shutdown_background();
         }

@@ -4,8 +4,11 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
+use super::super::together::{CONNECTIONS, FRAME_BYTES, MAX_RECORDS};
+
 /// What a network does to requests and answers. The default does nothing to them.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
 pub struct Network {
     /// What the line to the client carries; 0 for as much as there is.
     pub bits_per_second: u64,
@@ -20,10 +23,14 @@ pub struct Network {
     pub reorder: f64,
     /// Connections, at least one.
     pub connections: usize,
-    /// Requests that can be under way on a connection, at least one: 1 is HTTP/1.1, more are HTTP/2, or batches.
+    /// Requests that can be under way on a connection, at least one: 1 is HTTP/1.1, more are HTTP/2.
     pub streams: usize,
-    /// Bytes of headers for each request and its answer; they travel with the answer.
+    /// Most records of one archive that come in one answer, at least one; 1 where there are no batches.
+    pub batch: usize,
+    /// Bytes of the head of each answer. Requests go the other way, where they take nothing from answers.
     pub header_bytes: u64,
+    /// Bytes in front of each record of an answer with several.
+    pub frame_bytes: u64,
 }
 
 impl Default for Network {
@@ -36,25 +43,31 @@ impl Default for Network {
             reorder: 0.0,
             connections: 1,
             streams: usize::MAX,
+            batch: 1,
             header_bytes: 0,
+            frame_bytes: 0,
         }
     }
 }
 
-/// Headers of one request and its answer, HTTP/1.1, about.
-const HEADER_BYTES: u64 = 300;
+/// Head of a batch of the tile server over HTTP/1.1, as `tests/tests/wire.rs` counts it.
+const HEADER_BYTES: u64 = 350;
 
 impl Network {
     /// Names of networks that have one.
     pub const NAMES: [&str; 5] = ["3g", "4g", "dsl", "wifi", "lan"];
 
-    /// One connection that carries many requests at a time, with headers.
+    /// A line to a tile server, used as [`super::super::HttpSource`] does: HTTP/1.1, several connections, batches.
     pub fn line(bits_per_second: u64, round_trip: Duration, loss: f64) -> Self {
         Self {
             bits_per_second,
             round_trip,
             loss,
+            connections: CONNECTIONS,
+            streams: 1,
+            batch: MAX_RECORDS,
             header_bytes: HEADER_BYTES,
+            frame_bytes: FRAME_BYTES as u64,
             ..Self::default()
         }
     }

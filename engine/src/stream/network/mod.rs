@@ -1,27 +1,29 @@
 //! A network in simulated time: the same on every machine, by seed.
 //!
-//! A request takes half a round trip to the server, after a handshake on a connection that is new. There answers queue up for
-//! the one line that all connections share, in the order in which their requests arrived, and each has the whole line while
-//! its bytes go out. The last byte lands half a round trip later. Lost segments take the line again and a round trip more, in
+//! Records of one archive that are submitted between two looks, or while all connections are busy, are asked for in one exchange, as
+//! [`super::HttpSource`] does (`together` chooses for both). A request takes half a round trip to the server, after a handshake on
+//! a connection that is new. There answers queue up for the one line that all connections share, in the order in which their
+//! requests arrived, and each has the whole line while its bytes go out: a head, and frames with the records in the order asked. A
+//! record is there when its last byte lands, half a round trip later. Lost segments take the line again and a round trip more, in
 //! which nothing else lands on that connection. Congestion control is left out: the line is taken to be as wide as it is said to
-//! be from the first byte on.
+//! be from the first byte on. An exchange is broken off when nobody waits for any of its records, and its connection stays.
 //!
-//! `line`: what a network is like. `transfer`: an answer on its way.
+//! `line`: what a network is like. `transfer`: a record on its way, and its exchange.
 
 mod line;
 mod transfer;
 
 use std::{
-    collections::{BTreeSet, VecDeque},
+    collections::{BTreeMap, BTreeSet, VecDeque},
     time::Duration,
 };
 
 use serde::Serialize;
 
 pub use line::Network;
-use transfer::{Connection, Fate, Landing, Transfer};
+use transfer::{Connection, Exchange, Landing, Stream, Transfer};
 
-use super::{Answer, Request, SourceStats, Ticket, TileSource, random::SplitMix64};
+use super::{Answer, Request, SourceStats, Ticket, TileSource, random::SplitMix64, together::take_next};
 
 /// Most connections.
 const MOST_CONNECTIONS: usize = 256;
@@ -51,8 +53,14 @@ pub struct NetworkSource<S> {
     now: u64,
     line: u64,
     open: BTreeSet<Ticket>,
-    /// In the order of submission.
-    transfers: VecDeque<Transfer>,
+    /// Not sent yet, in the order of submission.
+    waiting: Vec<Transfer>,
+    /// Sent, in the order in which they were.
+    transfers: Vec<Transfer>,
+    /// By number.
+    exchanges: BTreeMap<u64, Exchange>,
+    /// Exchanges so far.
+    sent: u64,
     connections: Vec<Connection>,
     landings: Vec<Landing>,
     landed: VecDeque<(Answer, u64)>,
@@ -70,7 +78,10 @@ impl<S: TileSource> NetworkSource<S> {
             now: 0,
             line: 0,
             open: BTreeSet::new(),
-            transfers: VecDeque::new(),
+            waiting: Vec::new(),
+            transfers: Vec::new(),
+            exchanges: BTreeMap::new(),
+            sent: 0,
             connections: vec![Connection::default(); connections],
             landings: Vec::new(),
             landed: VecDeque::new(),
@@ -80,7 +91,7 @@ impl<S: TileSource> NetworkSource<S> {
 
     /// Time goes on by this much, at most an hour.
     pub fn advance(&mut self, time: Duration) {
-        self.collect();
+        self.look();
         self.run_until(self.now.saturating_add(line::nanoseconds(time)));
     }
 
@@ -99,67 +110,134 @@ impl<S: TileSource> NetworkSource<S> {
         &mut self.inner
     }
 
-    /// Sends what waits for a connection, the connection with the fewest requests first.
+    /// Takes what the inner source has, and sends what has been submitted.
+    fn look(&mut self) {
+        self.collect();
+        self.send(self.now);
+    }
+
+    /// Sends what waits, as far as connections are free, on the connection with the fewest requests first.
     fn send(&mut self, now: u64) {
         let streams = self.network.streams.max(1);
-        for transfer in &mut self.transfers {
-            if transfer.connection.is_some() {
-                continue;
-            }
+        while !self.waiting.is_empty() {
             let numbered = self.connections.iter_mut().enumerate();
             let free = numbered.filter(|(_, connection)| connection.busy < streams);
             let Some((at, connection)) = free.min_by_key(|(at, connection)| (connection.busy, *at)) else {
                 break;
             };
-            transfer.connection = Some(at);
-            transfer.ready = connection.send(now, self.network.trip());
+            let mut together = take_next(&mut self.waiting, |_| self.network.batch);
+            let exchange = Exchange {
+                connection: at,
+                ready: connection.send(now, self.network.trip()),
+                known: false,
+                started: false,
+                stop: u64::MAX,
+                left: together.len(),
+                wanted: together.len(),
+            };
+            let number = self.sent;
+            self.sent += 1;
+            for transfer in &mut together {
+                transfer.exchange = Some(number);
+            }
+            self.exchanges.insert(number, exchange);
+            self.transfers.append(&mut together);
+            self.price(number);
         }
     }
 
     /// Takes from the inner source what it has: no more than is in flight.
     fn collect(&mut self) {
         while let Some(answer) = self.inner.poll() {
-            let waiting = self.transfers.iter().position(|transfer| {
-                transfer.ticket == answer.ticket && transfer.answer.is_none() && transfer.stop == u64::MAX
-            });
-            let Some(at) = waiting else { continue };
+            let owed = |transfer: &&mut Transfer| transfer.ticket == answer.ticket && transfer.answer.is_none();
+            let mut all = self.waiting.iter_mut().chain(&mut self.transfers);
+            let Some(transfer) = all.find(owed).filter(|transfer| !transfer.given_up) else {
+                continue;
+            };
+            let exchange = transfer.exchange;
             let cached = answer.wire_bytes == 0 && answer.bytes.as_ref().is_ok_and(|bytes| !bytes.is_empty());
             if cached {
-                self.drop_transfer(at, self.now);
+                self.take(answer.ticket);
                 self.landed.push_back((answer, 0));
-                continue;
+            } else {
+                transfer.bytes = answer.wire_bytes;
+                transfer.answer = Some(answer);
             }
-            let whole = answer.wire_bytes + self.network.header_bytes;
-            let fate = Fate::draw(&self.network, whole, &mut self.random);
-            let transfer = &mut self.transfers[at];
-            transfer.fate = fate;
-            transfer.bytes = whole + fate.resent_bytes;
-            transfer.length = self.network.nanoseconds(transfer.bytes);
-            transfer.left = transfer.length;
-            if transfer.connection.is_some() {
+            if let Some(number) = exchange {
                 // A source that takes real time answers later than the simulated server could.
-                transfer.ready = transfer.ready.max(self.now);
+                if let Some(exchange) = self.exchanges.get_mut(&number) {
+                    exchange.ready = exchange.ready.max(self.now);
+                }
+                self.price(number);
             }
-            transfer.answer = Some(answer);
         }
     }
 
-    fn drop_transfer(&mut self, at: usize, now: u64) -> Option<Transfer> {
-        let transfer = self.transfers.remove(at)?;
-        if let Some(connection) = transfer.connection {
-            self.connections[connection].busy -= 1;
-            self.send(now);
+    /// Works out what an exchange costs, as soon as all that is in it is known.
+    fn price(&mut self, number: u64) {
+        let Some(exchange) = self.exchanges.get_mut(&number).filter(|exchange| !exchange.known) else {
+            return;
+        };
+        let parts = || self.transfers.iter().filter(|part| part.exchange == Some(number));
+        if parts().any(|part| part.answer.is_none() && !part.given_up) {
+            return;
+        }
+        exchange.known = true;
+        let Network {
+            header_bytes,
+            frame_bytes,
+            ..
+        } = self.network;
+        let frame = if exchange.left > 1 { frame_bytes } else { 0 };
+        let records: u64 = parts().map(|part| part.bytes + frame).sum();
+        let mut stream = Stream::draw(&self.network, header_bytes + records, &mut self.random);
+        let mut head = header_bytes;
+        for part in self.transfers.iter_mut().filter(|part| part.exchange == Some(number)) {
+            let bytes = part.bytes + frame + std::mem::take(&mut head);
+            part.fate = stream.next(&self.network, bytes, &mut self.random);
+            part.bytes = bytes + part.fate.resent_bytes;
+            part.length = self.network.nanoseconds(part.bytes);
+            part.left = part.length;
+        }
+    }
+
+    /// Takes a transfer out, wherever it is; with the last one its exchange is over.
+    fn take(&mut self, ticket: Ticket) -> Option<Transfer> {
+        let is_it = |transfer: &Transfer| transfer.ticket == ticket;
+        if let Some(at) = self.waiting.iter().position(is_it) {
+            return Some(self.waiting.remove(at));
+        }
+        let at = self.transfers.iter().position(is_it)?;
+        let transfer = self.transfers.remove(at);
+        if let Some(number) = transfer.exchange {
+            self.leave(number, !transfer.given_up);
         }
         Some(transfer)
     }
 
-    /// The transfer that has the line, or is the next to have it.
-    fn next_on_line(&self) -> Option<usize> {
-        let numbered = self.transfers.iter().enumerate();
-        let sendable =
-            numbered.filter(|(_, transfer)| transfer.connection.is_some() && transfer.answer.is_some());
-        let first = sendable.min_by_key(|(_, transfer)| (!transfer.started, transfer.ready, transfer.ticket));
-        first.map(|(at, _)| at)
+    /// One record of an exchange less is on its way.
+    fn leave(&mut self, number: u64, wanted: bool) {
+        let Some(exchange) = self.exchanges.get_mut(&number) else {
+            return;
+        };
+        exchange.left -= 1;
+        exchange.wanted -= usize::from(wanted);
+        if exchange.left == 0 {
+            let connection = exchange.connection;
+            self.exchanges.remove(&number);
+            self.connections[connection].busy -= 1;
+        }
+    }
+
+    /// The transfer that has the line, or is the next to have it, with its exchange.
+    fn next_on_line(&self) -> Option<(usize, &Exchange)> {
+        let known = self.exchanges.iter().filter(|(_, exchange)| exchange.known);
+        let mut known: Vec<(&u64, &Exchange)> = known.collect();
+        known.sort_unstable_by_key(|(number, exchange)| (exchange.ready, **number));
+        known.into_iter().find_map(|(number, exchange)| {
+            let at = self.transfers.iter().position(|part| part.exchange == Some(*number))?;
+            Some((at, exchange))
+        })
     }
 
     /// What happens until then, in its order.
@@ -168,22 +246,26 @@ impl<S: TileSource> NetworkSource<S> {
             let landing =
                 (0..self.landings.len()).min_by_key(|&at| (self.landings[at].due, self.landings[at].ticket));
             let landing = landing.map(|at| (self.landings[at].due, at));
-            let sending = self.next_on_line().map(|at| {
-                let transfer = &self.transfers[at];
-                let start = self.line.max(transfer.ready);
-                let sent = start.saturating_add(transfer.left);
-                (sent.min(transfer.stop.max(start)), start, at)
+            let sending = self.next_on_line().map(|(at, exchange)| {
+                let start = self.line.max(exchange.ready);
+                let sent = start.saturating_add(self.transfers[at].left);
+                (sent.min(exchange.stop.max(start)), start, at)
             });
             match (landing, sending) {
                 (Some((due, at)), _) if due <= end && sending.is_none_or(|(sent, ..)| due <= sent) => {
                     self.now = self.now.max(due);
                     self.land(at);
+                    self.send(due);
                 }
-                (_, Some((sent, start, at))) if sent <= end => self.finish(at, start, sent),
+                (_, Some((sent, start, at))) if sent <= end => {
+                    self.finish(at, start, sent);
+                    self.send(sent);
+                }
                 (_, Some((_, start, at))) if start < end => {
                     let transfer = &mut self.transfers[at];
-                    transfer.started = true;
                     transfer.left -= end - start;
+                    let exchange = transfer.exchange.and_then(|number| self.exchanges.get_mut(&number));
+                    exchange.into_iter().for_each(|exchange| exchange.started = true);
                     self.line = end;
                     break;
                 }
@@ -197,30 +279,32 @@ impl<S: TileSource> NetworkSource<S> {
     fn finish(&mut self, at: usize, start: u64, sent: u64) {
         let transfer = &mut self.transfers[at];
         let (left, whole) = (transfer.left, start.saturating_add(transfer.left) == sent);
-        let stopped = !whole || transfer.stop <= start;
         transfer.left -= (sent - start).min(left);
-        transfer.started |= sent > start || !stopped;
         self.line = sent;
-        let Some(transfer) = (if stopped {
-            self.drop_transfer(at, sent)
-        } else {
-            self.transfers.remove(at)
-        }) else {
+        let Some((number, exchange)) = transfer
+            .exchange
+            .and_then(|number| Some((number, self.exchanges.get_mut(&number)?)))
+        else {
             return;
         };
-        if stopped {
-            self.give_up(&transfer);
+        exchange.started |= sent > start;
+        if !whole || exchange.stop <= start {
+            let ticket = transfer.ticket;
+            if let Some(transfer) = self.take(ticket) {
+                self.give_up(&transfer);
+            }
             return;
         }
+        exchange.started = true;
+        let transfer = self.transfers.remove(at);
         self.stats.resent_bytes += transfer.fate.resent_bytes;
-        let connection = transfer.connection.unwrap_or(0);
-        let in_order = &mut self.connections[connection].in_order;
+        let in_order = &mut self.connections[exchange.connection].in_order;
         *in_order = (*in_order).max(sent + self.network.trip() / 2 + transfer.fate.held_up);
         self.landings.push(Landing {
             due: *in_order + transfer.fate.overtaken,
             ticket: transfer.ticket,
-            connection,
-            answer: transfer.answer.filter(|_| transfer.stop == u64::MAX),
+            exchange: number,
+            answer: transfer.answer.filter(|_| !transfer.given_up),
             bytes: transfer.bytes,
         });
     }
@@ -234,19 +318,40 @@ impl<S: TileSource> NetworkSource<S> {
 
     fn land(&mut self, at: usize) {
         let landing = self.landings.swap_remove(at);
-        self.connections[landing.connection].busy -= 1;
+        self.leave(landing.exchange, landing.answer.is_some());
         match landing.answer {
             Some(answer) => self.landed.push_back((answer, landing.bytes)),
             None => self.stats.wasted_bytes += landing.bytes,
         }
-        self.send(landing.due);
     }
 
-    fn took(&mut self, ticket: Option<Ticket>) -> Option<Ticket> {
+    /// One record of an exchange less is wanted. When none is, the server learns of it half a round trip later: what has left it
+    /// until then is wasted, the rest is not sent.
+    fn unwant(&mut self, number: u64) {
+        let Some(exchange) = self.exchanges.get_mut(&number) else {
+            return;
+        };
+        exchange.wanted -= 1;
+        if exchange.wanted > 0 {
+            return;
+        }
+        exchange.stop = self.now + self.network.trip() / 2;
+        let begins = exchange.ready.max(self.line);
+        if !exchange.known || (!exchange.started && begins >= exchange.stop) {
+            let parts = self.transfers.iter().filter(|part| part.exchange == Some(number));
+            let parts: Vec<Ticket> = parts.map(|part| part.ticket).collect();
+            for ticket in parts {
+                if let Some(transfer) = self.take(ticket) {
+                    self.give_up(&transfer);
+                }
+            }
+        }
+    }
+
+    fn took(&mut self, ticket: Option<Ticket>, request: Request, anew: bool) -> Option<Ticket> {
         let ticket = ticket?;
         self.open.insert(ticket);
-        self.transfers.push_back(Transfer::new(ticket));
-        self.send(self.now);
+        self.waiting.push(Transfer::new(ticket, request, anew));
         Some(ticket)
     }
 }
@@ -264,19 +369,19 @@ impl<S: TileSource> TileSource for NetworkSource<S> {
         if self.in_flight() >= self.capacity() {
             return None;
         }
-        let ticket = self.inner.submit(request);
-        self.took(ticket)
+        let ticket = self.inner.submit(request.clone());
+        self.took(ticket, request, false)
     }
 
     fn submit_anew(&mut self, request: Request) -> Option<Ticket> {
         if self.in_flight() >= self.capacity() {
             return None;
         }
-        let ticket = self.inner.submit_anew(request);
-        self.took(ticket)
+        let ticket = self.inner.submit_anew(request.clone());
+        self.took(ticket, request, true)
     }
 
-    /// The server learns of it half a round trip later: what has left it until then is wasted, the rest is not sent.
+    /// A record in the middle of an exchange comes all the same, unless it was the last one that anybody waited for.
     fn cancel(&mut self, ticket: Ticket) {
         self.collect();
         self.inner.cancel(ticket);
@@ -288,26 +393,22 @@ impl<S: TileSource> TileSource for NetworkSource<S> {
             self.stats.wasted_bytes += bytes;
         } else if let Some(landing) = self.landings.iter_mut().find(|landing| landing.ticket == ticket) {
             landing.answer = None;
-        } else if let Some(at) = self
-            .transfers
-            .iter()
-            .position(|transfer| transfer.ticket == ticket)
-        {
-            let stop = self.now + self.network.trip() / 2;
-            let transfer = &mut self.transfers[at];
-            let begins = transfer.ready.max(self.line);
-            if transfer.answer.is_none() || (!transfer.started && begins >= stop) {
-                if let Some(transfer) = self.drop_transfer(at, self.now) {
-                    self.give_up(&transfer);
-                }
-            } else {
-                transfer.stop = stop;
+            let number = landing.exchange;
+            self.unwant(number);
+        } else if let Some(transfer) = self.transfers.iter_mut().find(|transfer| transfer.ticket == ticket) {
+            transfer.given_up = true;
+            // Known ones are priced with it; one that the source behind still owes costs nothing.
+            if let Some(number) = transfer.exchange {
+                self.unwant(number);
+                self.price(number);
             }
+        } else if let Some(transfer) = self.take(ticket) {
+            self.give_up(&transfer);
         }
     }
 
     fn poll(&mut self) -> Option<Answer> {
-        self.collect();
+        self.look();
         self.run_until(self.now);
         let (mut answer, bytes) = self.landed.pop_front()?;
         self.open.remove(&answer.ticket);
@@ -318,8 +419,9 @@ impl<S: TileSource> TileSource for NetworkSource<S> {
 
     /// Waits for the inner source while it owes an answer. What is on its way comes with simulated time, not with this.
     fn wait(&mut self, limit: Duration) {
-        self.collect();
-        if self.landed.is_empty() && self.transfers.iter().any(|transfer| transfer.answer.is_none()) {
+        self.look();
+        let mut all = self.waiting.iter().chain(&self.transfers);
+        if self.landed.is_empty() && all.any(|transfer| transfer.answer.is_none() && !transfer.given_up) {
             self.inner.wait(limit);
         }
     }
@@ -328,9 +430,10 @@ impl<S: TileSource> TileSource for NetworkSource<S> {
         self.inner.origin()
     }
 
-    /// Bytes are those that the network delivered.
+    /// Exchanges and bytes are those of the network.
     fn stats(&self) -> SourceStats {
         SourceStats {
+            exchanges: self.sent,
             wire_bytes: self.stats.delivered_bytes,
             ..self.inner.stats()
         }

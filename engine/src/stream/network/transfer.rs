@@ -1,7 +1,7 @@
-//! An answer on its way, and the connections that answers share.
+//! A record on its way, the exchange that it is part of, and the connections that exchanges share.
 
 use super::{
-    super::{Answer, Ticket, random::SplitMix64},
+    super::{Answer, Request, Ticket, random::SplitMix64, together::Waiting},
     Network,
 };
 
@@ -10,7 +10,7 @@ const SEGMENT_BYTES: u64 = 1460;
 /// Most times that a lost segment is lost again.
 const MOST_LOSSES: u64 = 6;
 
-/// What happens to an answer on the way, drawn when its size is known.
+/// What happens to a record on the way.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Fate {
     /// Bytes that are sent again.
@@ -21,63 +21,85 @@ pub(super) struct Fate {
     pub(super) overtaken: u64,
 }
 
-impl Fate {
+/// What happens to an answer on the way, drawn when its size is known: it is one stream of segments, whatever it holds.
+pub(super) struct Stream {
+    /// What holds for all of the answer.
+    whole: Fate,
+    /// Bytes that are still to come, and those of them whose segment has been drawn.
+    bytes: u64,
+    drawn: u64,
+}
+
+impl Stream {
     /// Every answer of a size draws the same number of times.
     pub(super) fn draw(network: &Network, bytes: u64, random: &mut SplitMix64) -> Self {
-        let jitter = (random.unit() * network.jitter() as f64) as u64;
+        let held_up = (random.unit() * network.jitter() as f64) as u64;
         let overtaken = random.unit() < network.reorder;
-        let (mut lost, mut rounds) = (0, 0);
-        if network.loss > 0.0 {
-            for segment in 0..bytes.div_ceil(SEGMENT_BYTES) {
-                let length = SEGMENT_BYTES.min(bytes - segment * SEGMENT_BYTES);
-                let mut times = 0;
-                while times < MOST_LOSSES && random.unit() < network.loss {
-                    times += 1;
-                }
-                lost += times * length;
-                rounds = rounds.max(times);
-            }
-        }
-        Self {
-            resent_bytes: lost,
-            held_up: jitter + rounds * network.trip(),
+        let whole = Fate {
+            resent_bytes: 0,
+            held_up,
             overtaken: if overtaken { network.trip() / 2 } else { 0 },
+        };
+        Self {
+            whole,
+            bytes,
+            drawn: 0,
         }
+    }
+
+    /// The next bytes of it. A segment that is lost holds up the record that it begins in, and so all behind that.
+    pub(super) fn next(&mut self, network: &Network, bytes: u64, random: &mut SplitMix64) -> Fate {
+        let mut fate = self.whole;
+        let mut rounds = 0;
+        while self.drawn < bytes {
+            let length = SEGMENT_BYTES.min(self.bytes - self.drawn);
+            let mut times = 0;
+            while network.loss > 0.0 && times < MOST_LOSSES && random.unit() < network.loss {
+                times += 1;
+            }
+            fate.resent_bytes += times * length;
+            rounds = rounds.max(times);
+            self.drawn += length;
+        }
+        self.drawn -= bytes;
+        self.bytes -= bytes;
+        fate.held_up += rounds * network.trip();
+        fate
     }
 }
 
-/// A request that the client has sent, or is going to.
+/// A record that the client has asked for, or is going to.
 pub(super) struct Transfer {
     pub(super) ticket: Ticket,
-    /// Where it was sent; `None` while all connections are busy.
-    pub(super) connection: Option<usize>,
-    /// When the answer can begin, on the clock of the server; all times are nanoseconds.
-    pub(super) ready: u64,
+    pub(super) request: Request,
+    /// It is to pass caches on the way.
+    pub(super) anew: bool,
+    /// What brings it; `None` while all connections are busy.
+    pub(super) exchange: Option<u64>,
     /// Known when the source behind the network has answered.
     pub(super) answer: Option<Answer>,
-    /// Of the answer, with headers and what is sent again.
+    /// Nobody waits for it.
+    pub(super) given_up: bool,
+    /// With its frame, what is sent again, and for the first of an exchange the head.
     pub(super) bytes: u64,
-    /// Time that the line needs for it, and for what of it has not been sent yet.
+    /// Time that the line needs for it, and for what of it has not been sent yet; all times are nanoseconds.
     pub(super) length: u64,
     pub(super) left: u64,
-    pub(super) started: bool,
-    /// When the server learns that nobody wants it any more.
-    pub(super) stop: u64,
     pub(super) fate: Fate,
 }
 
 impl Transfer {
-    pub(super) fn new(ticket: Ticket) -> Self {
+    pub(super) fn new(ticket: Ticket, request: Request, anew: bool) -> Self {
         Self {
             ticket,
-            connection: None,
-            ready: u64::MAX,
+            request,
+            anew,
+            exchange: None,
             answer: None,
+            given_up: false,
             bytes: 0,
             length: 0,
             left: 0,
-            started: false,
-            stop: u64::MAX,
             fate: Fate::default(),
         }
     }
@@ -85,11 +107,38 @@ impl Transfer {
     /// Bytes that the line has carried.
     pub(super) fn sent(&self) -> u64 {
         if self.length == 0 {
-            return if self.started { self.bytes } else { 0 };
+            return 0; // All or nothing.
         }
         let sent = u128::from(self.bytes) * u128::from(self.length - self.left) / u128::from(self.length);
         sent as u64
     }
+}
+
+impl Waiting for Transfer {
+    fn request(&self) -> &Request {
+        &self.request
+    }
+
+    fn is_alone(&self) -> bool {
+        self.anew
+    }
+}
+
+/// A request on a connection, and its answer: one record or several.
+pub(super) struct Exchange {
+    pub(super) connection: usize,
+    /// When the answer can begin, on the clock of the server.
+    pub(super) ready: u64,
+    /// All of it is known; before, it cannot begin.
+    pub(super) known: bool,
+    /// Some of it has left the server.
+    pub(super) started: bool,
+    /// When the server learns that nobody wants it any more.
+    pub(super) stop: u64,
+    /// Records that have neither landed nor been dropped.
+    pub(super) left: usize,
+    /// Those of them that somebody waits for.
+    pub(super) wanted: usize,
 }
 
 /// A connection. Its first request waits for the handshake.
@@ -112,11 +161,11 @@ impl Connection {
     }
 }
 
-/// An answer between server and client.
+/// A record between server and client.
 pub(super) struct Landing {
     pub(super) due: u64,
     pub(super) ticket: Ticket,
-    pub(super) connection: usize,
+    pub(super) exchange: u64,
     /// `None` if it was given up meanwhile.
     pub(super) answer: Option<Answer>,
     pub(super) bytes: u64,
