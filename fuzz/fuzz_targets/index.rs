@@ -25,17 +25,16 @@ fn read(bytes: &[u8]) {
     }
 }
 
-/// The archive with the hashes of manifest, directory and header as they must be, and with its true length.
+/// The archive with the checksums of its prefix as they must be, and with its true length.
 fn with_checksums(bytes: &[u8]) -> Option<Vec<u8>> {
     let mut bytes = bytes.to_vec();
-    let length_at = |at: usize| Some(u64::from_le_bytes(bytes.get(at..at + 8)?.try_into().ok()?) as usize);
-    let (manifest, directory) = (length_at(24)?, length_at(32)?);
-    let tables = u32::from_le_bytes(bytes.get(12..16)?.try_into().ok()?) as usize;
-    let (rest, before) = (bytes.get(64..)?, manifest.checked_add(tables)?);
-    let manifest_hash = xxh3_64(rest.get(..before)?);
-    let directory_hash = xxh3_64(rest.get(before..)?.get(..directory)?);
-    let file_bytes = bytes.len() as u64;
-    for (at, value) in [(16, file_bytes), (40, manifest_hash), (48, directory_hash)] {
+    let mut rest = 0usize;
+    for at in [12, 24, 28] {
+        let length = u32::from_le_bytes(bytes.get(at..at + 4)?.try_into().ok()?);
+        rest = rest.checked_add(length as usize)?;
+    }
+    let index_hash = xxh3_64(bytes.get(64..)?.get(..rest)?);
+    for (at, value) in [(16, bytes.len() as u64), (32, index_hash)] {
         bytes[at..at + 8].copy_from_slice(&value.to_le_bytes());
     }
     let header_hash = xxh3_64(&bytes[..56]);

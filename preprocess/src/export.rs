@@ -50,6 +50,7 @@ const SCALING: &str = "rho[view][light][rgb][y][x] = sum over c of u[c][view][li
 pub fn export(path: &Path, folder: &Path, progress: ProgressFn<'_>) -> Result<()> {
     let file = File::open(path).map_err(Error::io(path, "open"))?;
     let archive = Archive::open(file).map_err(Error::archive(path))?;
+    archive.check().map_err(Error::archive(path))?;
     std::fs::create_dir_all(folder).map_err(Error::io(folder, "create"))?;
     let manifest = &archive.index.manifest;
     let components = manifest.components as usize;

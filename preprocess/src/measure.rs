@@ -70,6 +70,7 @@ pub(crate) fn archive(
 fn decode(path: &Path) -> Result<(Vec<f32>, Vec<f32>)> {
     let file = File::open(path).map_err(Error::io(path, "open"))?;
     let archive = Archive::open(file).map_err(Error::archive(path))?;
+    archive.check().map_err(Error::archive(path))?;
     let manifest = &archive.index.manifest;
     let scale = manifest.texture_scale as f32;
     let (mut u, mut v) = (Vec::new(), Vec::new());

@@ -39,14 +39,14 @@ pub fn requests(name: &str, file: &Path) -> Vec<(Request, Vec<u8>)> {
             archive: archive.clone(),
             group,
         };
-        all.push((column, stored.read_column(group).expect("a column")));
+        all.push((column, stored.column_record(group).expect("a column")));
         for tile in stored.index.pyramid.tiles() {
             let page = PageId { group, tile };
             let request = Request::Page {
                 archive: archive.clone(),
                 page,
             };
-            all.push((request, stored.read_page(page).expect("a page")));
+            all.push((request, stored.page_record(page).expect("a page")));
         }
     }
     all

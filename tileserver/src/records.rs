@@ -241,7 +241,7 @@ impl Served {
             What::Page(page) => self.index.page(page),
         };
         record
-            .and_then(|record| self.index.verify(&what.to_string(), record, bytes))
+            .and_then(|record| self.index.verify(&what.to_string(), record, bytes).map(drop))
             .map_err(|error| error.to_string())
     }
 }

@@ -118,13 +118,13 @@ async fn handle(shared: &Shared, pulse: &Arc<Pulse>, head: &Parts, address: Addr
         Record::Index => (What::Index, format!("\"{id}\"")),
         Record::Page([group, mip, x, y]) => {
             let page = page(group, mip, x, y)?;
-            let hash = served.index.page(page).map_err(not_in_archive)?.hash;
-            (What::Page(page), format!("\"{hash:08x}\""))
+            served.index.page(page).map_err(not_in_archive)?;
+            (What::Page(page), record_etag(&served))
         }
         Record::Column(group) => {
             let group = number("group", &segment(group)?)?;
-            let hash = served.index.column(group).map_err(not_in_archive)?.hash;
-            (What::Column(group), format!("\"{hash:08x}\""))
+            served.index.column(group).map_err(not_in_archive)?;
+            (What::Column(group), record_etag(&served))
         }
         Record::Batch(list) => return many(service, pulse, head, served, list),
     };
@@ -133,6 +133,11 @@ async fn handle(shared: &Shared, pulse: &Arc<Pulse>, head: &Parts, address: Addr
         return Ok(fields.not_modified());
     }
     Ok(fields.whole(service.read(served, what).await?))
+}
+
+/// Of a record. Its address names the archive's content, so that there is only one version of it.
+fn record_etag(served: &Served) -> String {
+    format!("\"{:08x}\"", served.index.id as u32)
 }
 
 /// What belongs to no collection.

@@ -92,10 +92,10 @@ async fn records_come_in_the_order_asked() {
             x,
             y,
             200,
-            local.read_page(PageId { group, tile }).unwrap(),
+            local.page_record(PageId { group, tile }).unwrap(),
         )
     };
-    let column = |group| (0, 0, group, 0, 0, 200, local.read_column(group).unwrap());
+    let column = |group| (0, 0, group, 0, 0, 200, local.column_record(group).unwrap());
     let all = frames(&body);
     let missing = &all[3];
     assert_eq!((missing.2, missing.5), (7, 404));
@@ -193,7 +193,7 @@ async fn who_reads_late_gets_all_frames_of_a_batch_that_is_broken_off() {
     let (body, complete) = unchunk(&answer.body);
     let statuses: Vec<_> = frames(&body).iter().map(|frame| frame.5).collect();
     assert!(statuses == [500, 200] || statuses == [200, 500], "{statuses:?}");
-    let whole = open(bytes).read_column(statuses.iter().position(|status| *status == 200).unwrap() as u16);
+    let whole = open(bytes).column_record(statuses.iter().position(|status| *status == 200).unwrap() as u16);
     assert!(
         frames(&body)
             .iter()

@@ -122,7 +122,7 @@ async fn every_fault_has_its_answer_and_others_go_on() {
     };
     let server = Server::of(site, options).await;
     let target = |place: &str| format!("/{place}/v1/cloth/{}/column/0", id(&bytes));
-    let column = open(bytes.clone()).read_column(0).unwrap();
+    let column = open(bytes.clone()).column_record(0).unwrap();
     for (fault, status, error) in [
         (Fault::Status(500), 503, "unavailable"),
         (Fault::Status(503), 503, "unavailable"),

@@ -151,7 +151,7 @@ async fn an_archive_that_is_replaced_is_never_mixed_with_its_successor() {
         .error(410, "gone");
     assert!(detail.contains(&new));
     let column = server.get(&format!("/v1/cloth/{new}/column/1")).await;
-    assert_eq!(column.body, open(newer).read_column(1).unwrap());
+    assert_eq!(column.body, open(newer).column_record(1).unwrap());
     server.stop().await;
 }
 
@@ -205,7 +205,7 @@ async fn a_bucket_is_served_like_a_folder() {
     );
     assert_eq!(
         server.get(&format!("/v1/cloth/{id}/column/1")).await.body,
-        local.read_column(1).unwrap()
+        local.column_record(1).unwrap()
     );
     assert_eq!(server.get("/v1/cloth.bsvtf").await.body, bytes);
     for name in [
@@ -259,7 +259,7 @@ async fn an_archive_of_a_web_server_is_read_by_ranges() {
     let column = format!("/v1/large/{}/column/0", id(&bytes));
     assert_eq!(
         server.get(&column).await.body,
-        open(bytes.clone()).read_column(0).unwrap()
+        open(bytes.clone()).column_record(0).unwrap()
     );
     assert_eq!(server.get("/v1/large.bsvtf").await.body, bytes);
     common::replace(&path, &newer);

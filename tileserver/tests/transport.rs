@@ -87,7 +87,7 @@ async fn many_requests_share_a_connection() {
     let server = Server::start(folder.path()).await;
     let (bytes, large) = (archive(1), large_archive(3 << 20));
     let column = format!("/v1/cloth/{}/column/0", id(&bytes));
-    let expected = open(bytes).read_column(0).unwrap();
+    let expected = open(bytes).column_record(0).unwrap();
     let sender = http2(server.connect().await).await;
     let records = (0..100).map(|_| get(sender.clone(), &column));
     let (records, archive) = tokio::join!(

@@ -35,7 +35,7 @@ impl Site {
         for group in 0..index.manifest.groups() as u16 {
             for tile in index.pyramid.tiles() {
                 let record = opened
-                    .read_page(PageId { group, tile })
+                    .page_record(PageId { group, tile })
                     .map_err(Error::archive(archive))?;
                 // Pages that are not stored are an answer without a body, for which nginx needs no file.
                 if record.is_empty() {

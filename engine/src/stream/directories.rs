@@ -60,16 +60,17 @@ impl Directories {
     }
 
     /// Takes an index, and checks a record against the one that was taken before. This is the one place where what
-    /// comes from outside is held against its hash. `None` where there is no index to check against.
+    /// comes from outside is held against its checksum. `None` where there is no index to check against.
     pub(super) fn check(&mut self, request: &Request, bytes: &Bytes) -> Option<Result<()>> {
         if let Request::Index { archive } = request {
             return Some(self.learn(archive, bytes).map(|_| ()));
         }
         let index = self.by_archive.get(request.archive())?;
         Some(match request.record(index) {
-            Ok(Some(record)) => index
-                .verify(&request.to_string(), record, bytes)
-                .map_err(Into::into),
+            Ok(Some(record)) => match index.verify(&request.to_string(), record, bytes) {
+                Ok(_) => Ok(()),
+                Err(error) => Err(error.into()),
+            },
             Ok(None) => Ok(()),
             Err(error) => Err(error),
         })

@@ -89,9 +89,9 @@ pub struct Answer {
     pub ticket: Ticket,
     /// What was asked.
     pub request: Request,
-    /// The record's bytes, or why there are none.
+    /// The record's bytes with the checksum at their end, or why there are none.
     pub bytes: Result<Bytes>,
-    /// The bytes have been held against their hash in the archive's directory; if not, that is left to whoever takes them.
+    /// The bytes have been held against the checksum at their end, or the index against its own; if not, that is left to whoever takes them.
     pub checked: bool,
     /// Bytes that crossed the wire for it; zero from a cache.
     pub wire_bytes: u64,

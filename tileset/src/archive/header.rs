@@ -11,8 +11,8 @@ pub const HEADER_BYTES: usize = 64;
 /// First bytes of every archive. The first is no text, and the last two are changed by whatever converts
 /// line ends.
 pub(super) const MAGIC: [u8; 8] = *b"\x89BSVTF\r\n";
-/// The version that is written and read. Version 1, before any release, had no tables and other mips.
-pub(super) const VERSION: u32 = 5;
+/// The version that is written and read. Those before were never released.
+pub(super) const VERSION: u32 = 6;
 /// Largest accepted text of a manifest: twice what the largest valid one can need.
 pub(super) const MAX_MANIFEST_BYTES: usize = 1 << 20;
 
@@ -22,15 +22,15 @@ pub(super) struct Header {
     /// Bytes of the whole archive.
     pub file_bytes: u64,
     /// Bytes of the manifest, a zstd frame, which follows the header.
-    pub manifest_bytes: u64,
+    pub manifest_bytes: u32,
     /// Bytes of the codec's tables, which follow the manifest.
     pub tables_bytes: u32,
     /// Bytes of the directory, which follows the tables.
-    pub directory_bytes: u64,
-    /// XXH3-64 of the manifest's bytes and those of the tables behind them.
-    pub manifest_hash: u64,
-    /// XXH3-64 of the directory's bytes.
-    pub directory_hash: u64,
+    pub directory_bytes: u32,
+    /// XXH3-64 of manifest, tables and directory.
+    pub index_hash: u64,
+    /// XXH3-128 of the contents of all records, in the order in which they stand.
+    pub contents_hash: u128,
 }
 
 impl Header {
@@ -60,12 +60,12 @@ impl Header {
             });
         }
         let header = Header {
-            file_bytes: u64_at(16),
-            manifest_bytes: u64_at(24),
             tables_bytes: u32_at(12),
-            directory_bytes: u64_at(32),
-            manifest_hash: u64_at(40),
-            directory_hash: u64_at(48),
+            file_bytes: u64_at(16),
+            manifest_bytes: u32_at(24),
+            directory_bytes: u32_at(28),
+            index_hash: u64_at(32),
+            contents_hash: u128::from(u64_at(40)) | u128::from(u64_at(48)) << 64,
         };
         for (what, found, limit) in [
             (
@@ -73,17 +73,14 @@ impl Header {
                 header.manifest_bytes,
                 frame::bound(MAX_MANIFEST_BYTES) as u64,
             ),
-            (
-                "bytes of the tables",
-                header.tables_bytes.into(),
-                MAX_TABLES_BYTES,
-            ),
+            ("bytes of the tables", header.tables_bytes, MAX_TABLES_BYTES),
             (
                 "bytes of the directory",
                 header.directory_bytes,
-                MAX_DIRECTORY_BYTES,
+                MAX_DIRECTORY_BYTES.into(),
             ),
         ] {
+            let found = u64::from(found);
             if found > limit {
                 return Err(Error::OverLimit { what, found, limit });
             }
@@ -103,16 +100,16 @@ impl Header {
         let mut bytes = [0; HEADER_BYTES];
         bytes[..8].copy_from_slice(&MAGIC);
         bytes[8..12].copy_from_slice(&VERSION.to_le_bytes());
-        bytes[12..16].copy_from_slice(&self.tables_bytes.to_le_bytes());
         for (at, value) in [
-            (16, self.file_bytes),
+            (12, self.tables_bytes),
             (24, self.manifest_bytes),
-            (32, self.directory_bytes),
-            (40, self.manifest_hash),
-            (48, self.directory_hash),
+            (28, self.directory_bytes),
         ] {
-            bytes[at..at + 8].copy_from_slice(&value.to_le_bytes());
+            bytes[at..at + 4].copy_from_slice(&value.to_le_bytes());
         }
+        bytes[16..24].copy_from_slice(&self.file_bytes.to_le_bytes());
+        bytes[32..40].copy_from_slice(&self.index_hash.to_le_bytes());
+        bytes[40..56].copy_from_slice(&self.contents_hash.to_le_bytes());
         let hash = xxh3_64(&bytes[..56]);
         bytes[56..].copy_from_slice(&hash.to_le_bytes());
         bytes
@@ -120,6 +117,7 @@ impl Header {
 
     /// Bytes of header, manifest, tables and directory.
     pub(super) fn prefix_bytes(&self) -> u64 {
-        HEADER_BYTES as u64 + self.manifest_bytes + u64::from(self.tables_bytes) + self.directory_bytes
+        let parts = [self.manifest_bytes, self.tables_bytes, self.directory_bytes];
+        HEADER_BYTES as u64 + parts.map(u64::from).iter().sum::<u64>()
     }
 }

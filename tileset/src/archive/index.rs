@@ -2,33 +2,29 @@
 
 use std::sync::Arc;
 
-use xxhash_rust::xxh3::{xxh3_64, xxh3_128};
+use xxhash_rust::xxh3::{xxh3_64, xxh3_64_with_seed, xxh3_128};
 
 use super::{
     directory,
     header::{HEADER_BYTES, Header, MAX_MANIFEST_BYTES},
     order,
 };
-use crate::{
-    Error, Manifest, PageId, Pyramid, Result,
-    codec::{Decoder, MAX_COLUMN_BYTES, MAX_PAGE_BYTES},
-    error::corrupt,
-    frame,
-};
+use crate::{Error, Manifest, PageId, Pyramid, Result, codec::Decoder, error::corrupt, frame};
+
+/// Bytes at the end of every record that is stored: its checksum.
+pub const CHECKSUM_BYTES: u32 = 4;
 
 /// Directory entry of a page or column.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Record {
     /// Offset in the archive.
     pub offset: u64,
-    /// Bytes; zero for a page that equals its up-sampled parent, which is not stored.
+    /// Bytes, of which the last [`CHECKSUM_BYTES`] are the checksum of the others, the contents; zero for a page that
+    /// equals its up-sampled parent, which is not stored.
     pub length: u32,
     /// Pages: mean squared difference to the up-sampled parent (paper, equation 8), in squared units of
     /// reflectance. Columns: mean square of the group's eigen-textures.
     pub weight: f32,
-    /// The lower half of the XXH3-64 of the record's bytes. Enough to find damage, and to tell versions of a record
-    /// apart at one address; for all contents of the world there is [`Index::id`].
-    pub hash: u32,
 }
 
 /// What every reader of an archive starts from: manifest and directory, checked.
@@ -40,11 +36,13 @@ pub struct Index {
     pub pyramid: Pyramid,
     /// Decodes the records.
     pub decoder: Arc<Decoder>,
-    /// Content hash of the archive: XXH3-128 over header, manifest, tables and directory, and so over the hashes of
-    /// all records.
+    /// Content hash of the archive: XXH3-128 over header, manifest, tables and directory, and so over
+    /// [`Index::contents_hash`].
     pub id: u128,
     /// Bytes of the whole archive.
     pub file_bytes: u64,
+    /// XXH3-128 of the contents of all records, in the order in which they stand in the file.
+    pub contents_hash: u128,
     columns: Vec<Record>,
     pages: Vec<Record>,
 }
@@ -73,18 +71,17 @@ impl Index {
                 detail,
             ));
         }
-        let described = header.manifest_bytes as usize + header.tables_bytes as usize;
-        let (described, directory) = prefix[HEADER_BYTES..].split_at(described);
-        let (manifest, tables) = described.split_at(header.manifest_bytes as usize);
-        let directory_offset = header.prefix_bytes() - header.directory_bytes;
-        for (what, bytes, offset, hash) in [
-            ("manifest", described, HEADER_BYTES as u64, header.manifest_hash),
-            ("directory", directory, directory_offset, header.directory_hash),
-        ] {
-            if xxh3_64(bytes) != hash {
-                return Err(corrupt(what, offset, "its checksum does not match"));
-            }
+        let rest = &prefix[HEADER_BYTES..];
+        if xxh3_64(rest) != header.index_hash {
+            return Err(corrupt(
+                "manifest and directory",
+                HEADER_BYTES as u64,
+                "their checksum does not match",
+            ));
         }
+        let (manifest, rest) = rest.split_at(header.manifest_bytes as usize);
+        let (tables, directory) = rest.split_at(header.tables_bytes as usize);
+        let directory_offset = header.prefix_bytes() - u64::from(header.directory_bytes);
         let manifest: Manifest = frame::decompress(manifest, MAX_MANIFEST_BYTES)
             .and_then(|text| serde_json::from_slice(&text).map_err(|error| error.to_string()))
             .map_err(|detail| corrupt("manifest", HEADER_BYTES as u64, detail))?;
@@ -92,16 +89,15 @@ impl Index {
         let pyramid = manifest.pyramid()?;
 
         let groups = manifest.groups() as usize;
-        let count = groups + manifest.page_count()? as usize;
-        let mut columns = directory::decode(directory, count, header.prefix_bytes())
+        let (columns, pages) = directory::decode(directory, &pyramid, groups, header.prefix_bytes())
             .map_err(|detail| corrupt("directory", directory_offset, detail))?;
-        let pages = columns.split_off(groups);
         let mut index = Index {
             manifest,
             pyramid,
             decoder,
             id: xxh3_128(prefix),
             file_bytes: header.file_bytes,
+            contents_hash: header.contents_hash,
             columns,
             pages,
         };
@@ -112,7 +108,7 @@ impl Index {
     }
 
     /// Number of leading bytes of an archive that hold header, manifest and directory, told by the first
-    /// [`HEADER_BYTES`] of it. At most about 100 MB, whatever the header says.
+    /// [`HEADER_BYTES`] of it. At most about 40 MB, whatever the header says.
     ///
     /// # Errors
     /// As [`Index::parse`], of the header.
@@ -170,43 +166,35 @@ impl Index {
         &self.pages
     }
 
-    /// Checks a record's bytes against length and hash.
+    /// Checks a record's bytes against its length and the checksum at their end, and gives the contents: what the decoder
+    /// takes. A record of another archive, or of another version of this one, is refused, too.
     ///
     /// # Errors
     /// [`Error::Corrupt`], naming the record by `what`.
-    pub fn verify(&self, what: &str, record: Record, bytes: &[u8]) -> Result<()> {
+    pub fn verify<'a>(&self, what: &str, record: Record, bytes: &'a [u8]) -> Result<&'a [u8]> {
         if bytes.len() as u64 != u64::from(record.length) {
             let detail = format!("{} bytes, {} are announced", bytes.len(), record.length);
             return Err(corrupt(what, record.offset, detail));
         }
-        if record_hash(bytes) != record.hash {
+        let found = contents(bytes);
+        if bytes[found.len()..] != checksum(self.id, found)[..bytes.len() - found.len()] {
             return Err(corrupt(what, record.offset, "its checksum does not match"));
         }
-        Ok(())
+        Ok(found)
+    }
+
+    /// All stored records, in the order in which they stand in the file.
+    pub fn stored(&self) -> Vec<Record> {
+        let mut stored: Vec<Record> = self.columns.iter().chain(&self.pages).copied().collect();
+        stored.retain(|record| record.length > 0);
+        stored.sort_by_key(|record| record.offset);
+        stored
     }
 
     /// Gives all records their places; the message says what records there cannot be.
     fn place_records(&mut self, prefix_bytes: u64) -> std::result::Result<(), String> {
-        let columns = self.columns.iter().map(|record| ("column", record));
-        let pages = self.pages.iter().map(|record| ("page", record));
-        for (i, (what, record)) in columns.enumerate().chain(pages.enumerate()) {
-            let Record {
-                length, weight, hash, ..
-            } = *record;
-            if !(weight.is_finite() && weight >= 0.0) {
-                return Err(format!("{what} {i} weighs {weight}"));
-            }
-            let limit = if what == "column" {
-                MAX_COLUMN_BYTES
-            } else {
-                MAX_PAGE_BYTES
-            };
-            if length > limit {
-                return Err(format!("{what} {i} cannot have {length} bytes"));
-            }
-            if length == 0 && (what == "column" || hash != 0) {
-                return Err(format!("{what} {i} is empty, but must not be or has a checksum"));
-            }
+        if let Some(group) = self.columns.iter().position(|record| record.length == 0) {
+            return Err(format!("column {group} is empty, but must not be"));
         }
         let (_, end) = order::place(&self.pyramid, &mut self.columns, &mut self.pages, prefix_bytes);
         if end != self.file_bytes {
@@ -219,13 +207,14 @@ impl Index {
     }
 }
 
-/// The lower half of the XXH3-64 of a record's bytes; zero for a page that is not stored.
-pub(super) fn record_hash(bytes: &[u8]) -> u32 {
-    if bytes.is_empty() {
-        0
-    } else {
-        xxh3_64(bytes) as u32
-    }
+/// What a record holds before its checksum, which is not looked at; nothing for a page that is not stored.
+pub fn contents(record: &[u8]) -> &[u8] {
+    &record[..record.len().saturating_sub(CHECKSUM_BYTES as usize)]
+}
+
+/// The checksum of a record of the archive `id` with these contents. By its seed it tells archives apart.
+pub(super) fn checksum(id: u128, contents: &[u8]) -> [u8; CHECKSUM_BYTES as usize] {
+    (xxh3_64_with_seed(contents, id as u64) as u32).to_le_bytes()
 }
 
 /// How messages name a column.
@@ -259,14 +248,16 @@ mod tests {
             errors: Ledger::default(),
         };
         let manifest = frame::compress(&serde_json::to_vec(&manifest).unwrap()).unwrap();
-        let directory = directory::encode(records.iter()).unwrap();
+        let pyramid = Pyramid::new(8, 8, true).unwrap();
+        let [column, page] = records;
+        let directory = directory::encode(&pyramid, &[column], &[page]).unwrap();
         let mut header = Header {
             file_bytes: 0,
-            manifest_bytes: manifest.len() as u64,
+            manifest_bytes: manifest.len() as u32,
             tables_bytes: 0,
-            directory_bytes: directory.len() as u64,
-            manifest_hash: xxh3_64(&manifest),
-            directory_hash: xxh3_64(&directory),
+            directory_bytes: directory.len() as u32,
+            index_hash: xxh3_64(&[&manifest[..], &directory].concat()),
+            contents_hash: 0,
         };
         header.file_bytes = header.prefix_bytes() + record_bytes;
         Index::parse(&[&header.to_bytes(), &manifest[..], &directory].concat())
@@ -276,19 +267,16 @@ mod tests {
         offset: 0,
         length: 10,
         weight: 1.0,
-        hash: 1,
     };
     const PAGE: Record = Record {
         offset: 10,
         length: 5,
         weight: 0.5,
-        hash: 2,
     };
     const EMPTY: Record = Record {
         offset: 0,
         length: 0,
         weight: 0.0,
-        hash: 0,
     };
 
     #[test]
@@ -308,48 +296,32 @@ mod tests {
 
     #[test]
     fn records_that_cannot_be_are_refused() {
-        for (records, record_bytes) in [
-            ([COLUMN, PAGE], 14),
-            ([COLUMN, PAGE], 16),
-            ([EMPTY, PAGE], 15),
-            (
-                [
-                    COLUMN,
-                    Record {
-                        length: u32::MAX,
-                        ..PAGE
-                    },
-                ],
-                15,
-            ),
-            (
-                [
-                    COLUMN,
-                    Record {
-                        length: MAX_PAGE_BYTES + 1,
-                        ..PAGE
-                    },
-                ],
-                11 + u64::from(MAX_PAGE_BYTES),
-            ),
-            (
-                [
-                    COLUMN,
-                    Record {
-                        weight: f32::NAN,
-                        ..PAGE
-                    },
-                ],
-                15,
-            ),
-            ([COLUMN, Record { weight: -1.0, ..PAGE }], 15),
-            ([COLUMN, Record { hash: 1, ..EMPTY }], 10),
-        ] {
+        for (records, record_bytes) in [([COLUMN, PAGE], 14), ([COLUMN, PAGE], 16), ([EMPTY, PAGE], 5)] {
             let error = parse(records, record_bytes).unwrap_err();
             assert!(
                 matches!(&error, Error::Corrupt { what, .. } if what == "directory"),
                 "{error}"
             );
+        }
+    }
+
+    #[test]
+    fn records_end_with_a_checksum_of_their_own_archive() {
+        let index = parse([COLUMN, PAGE], 15).unwrap();
+        let whole = [&b"x"[..], &checksum(index.id, b"x")].concat();
+        assert_eq!(index.verify("page", index.pages()[0], &whole).unwrap(), b"x");
+        assert_eq!(index.verify("page", EMPTY, &[]).unwrap(), b"");
+        let of_another = [&b"x"[..], &checksum(index.id ^ 1, b"x")].concat();
+        for wrong in [
+            &of_another[..],
+            &whole[..4],
+            &whole[..0],
+            &[&whole[..], b"x"].concat(),
+        ] {
+            assert!(matches!(
+                index.verify("page", index.pages()[0], wrong),
+                Err(Error::Corrupt { .. })
+            ));
         }
     }
 }

@@ -16,7 +16,7 @@ mod reader;
 mod writer;
 
 pub use header::HEADER_BYTES;
-pub use index::{Index, Record};
+pub use index::{CHECKSUM_BYTES, Index, Record, contents};
 pub use read_at::ReadAt;
 pub use reader::Archive;
 pub use writer::ArchiveWriter;

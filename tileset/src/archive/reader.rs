@@ -1,6 +1,11 @@
 //! An index and the bytes behind it.
 
-use super::{HEADER_BYTES, Index, ReadAt, Record, index::column_name};
+use xxhash_rust::xxh3::Xxh3;
+
+use super::{
+    HEADER_BYTES, Index, ReadAt, Record,
+    index::{column_name, contents},
+};
 use crate::{Error, PageId, Result, error::corrupt};
 
 /// An archive that is being read.
@@ -51,23 +56,60 @@ impl<R: ReadAt> Archive<R> {
         )
     }
 
-    /// A page's record, checked; empty if the page equals its up-sampled parent.
+    /// The contents of a page's record, checked; empty if the page equals its up-sampled parent.
     ///
     /// # Errors
     /// [`Error::NotFound`] if the archive has no such page, [`Error::Corrupt`] if its checksum does not
     /// match, [`Error::Io`].
     pub fn read_page(&self, page: PageId) -> Result<Vec<u8>> {
-        let record = self.index.page(page)?;
-        self.read_record(&page.to_string(), record)
+        self.page_record(page).map(without_checksum)
     }
 
-    /// A column's record, checked.
+    /// The contents of a column's record, checked.
     ///
     /// # Errors
     /// As [`Archive::read_page`].
     pub fn read_column(&self, group: u16) -> Result<Vec<u8>> {
+        self.column_record(group).map(without_checksum)
+    }
+
+    /// A page's record as it is stored and as it travels, with its checksum.
+    ///
+    /// # Errors
+    /// As [`Archive::read_page`].
+    pub fn page_record(&self, page: PageId) -> Result<Vec<u8>> {
+        let record = self.index.page(page)?;
+        self.read_record(&page.to_string(), record)
+    }
+
+    /// A column's record as it is stored and as it travels, with its checksum.
+    ///
+    /// # Errors
+    /// As [`Archive::read_page`].
+    pub fn column_record(&self, group: u16) -> Result<Vec<u8>> {
         let record = self.index.column(group)?;
         self.read_record(&column_name(group), record)
+    }
+
+    /// Reads all of the archive and checks every record, and all of them against [`Index::contents_hash`]: that finds
+    /// what 32 bits at each record may let through.
+    ///
+    /// # Errors
+    /// [`Error::Corrupt`], [`Error::Io`].
+    pub fn check(&self) -> Result<()> {
+        let mut hash = Xxh3::new();
+        for record in self.index.stored() {
+            let bytes = self.read_record("record", record)?;
+            hash.update(contents(&bytes));
+        }
+        if hash.digest128() != self.index.contents_hash {
+            return Err(corrupt(
+                "records",
+                0,
+                "the checksum of all of them together does not match",
+            ));
+        }
+        Ok(())
     }
 
     fn read_record(&self, what: &str, record: Record) -> Result<Vec<u8>> {
@@ -75,6 +117,11 @@ impl<R: ReadAt> Archive<R> {
         self.index.verify(what, record, &bytes)?;
         Ok(bytes)
     }
+}
+
+fn without_checksum(mut record: Vec<u8>) -> Vec<u8> {
+    record.truncate(contents(&record).len());
+    record
 }
 
 /// `length` bytes, which the caller has compared with a limit.

@@ -1,11 +1,11 @@
 //! From records to a file.
 
-use xxhash_rust::xxh3::xxh3_64;
+use xxhash_rust::xxh3::{Xxh3, xxh3_64, xxh3_128};
 
 use super::{
     Record, directory,
     header::Header,
-    index::{column_name, record_hash},
+    index::{CHECKSUM_BYTES, checksum, column_name},
     order::{self, Item},
 };
 use crate::{
@@ -62,7 +62,7 @@ impl ArchiveWriter {
         })
     }
 
-    /// Adds a page's record. Every page must be added once.
+    /// Adds a page's record, its contents without the checksum. Every page must be added once.
     ///
     /// # Errors
     /// [`Error::NotFound`] if the manifest has no such page; [`Error::Invalid`] if it is there already, or
@@ -117,26 +117,34 @@ impl ArchiveWriter {
         let mut columns: Vec<Record> = self.columns.iter().map(unplaced).collect();
         let mut pages: Vec<Record> = self.pages.iter().map(unplaced).collect();
         let (order, record_bytes) = order::place(&self.pyramid, &mut columns, &mut pages, 0);
-        let directory = directory::encode(columns.iter().chain(&pages))?;
-        let described = [&manifest[..], &self.tables].concat();
+        let directory = directory::encode(&self.pyramid, &columns, &pages)?;
+        let rest = [&manifest[..], &self.tables, &directory].concat();
+        let mut contents_hash = Xxh3::new();
+        for &item in &order {
+            contents_hash.update(self.contents(item));
+        }
         let mut header = Header {
             file_bytes: 0,
-            manifest_bytes: manifest.len() as u64,
+            manifest_bytes: manifest.len() as u32,
             tables_bytes: self.tables.len() as u32,
-            directory_bytes: directory.len() as u64,
-            manifest_hash: xxh3_64(&described),
-            directory_hash: xxh3_64(&directory),
+            directory_bytes: directory.len() as u32,
+            index_hash: xxh3_64(&rest),
+            contents_hash: contents_hash.digest128(),
         };
         header.file_bytes = header.prefix_bytes() + record_bytes;
 
-        let header_bytes = header.to_bytes();
-        let prefix = [header_bytes.as_slice(), &described, &directory];
-        let records = order.iter().map(|&item| self.bytes(item));
-        for bytes in prefix.into_iter().chain(records) {
+        let prefix = [&header.to_bytes()[..], &rest].concat();
+        let id = xxh3_128(&prefix);
+        let mut write = |bytes: &[u8]| {
             out.write_all(bytes).map_err(|source| Error::Io {
                 what: "writing the archive".into(),
                 source,
-            })?;
+            })
+        };
+        write(&prefix)?;
+        for contents in order.iter().map(|&item| self.contents(item)) {
+            write(contents)?;
+            write(&checksum(id, contents))?;
         }
         Ok(header.file_bytes)
     }
@@ -171,7 +179,7 @@ impl ArchiveWriter {
         Ok(())
     }
 
-    fn bytes(&self, item: Item) -> &[u8] {
+    fn contents(&self, item: Item) -> &[u8] {
         let pending = match item {
             Item::Column(group) => self.columns[usize::from(group)].as_ref(),
             Item::Page(page) => self.page_place(page).and_then(|place| self.pages[place].as_ref()),
@@ -213,13 +221,16 @@ fn add(what: String, place: Option<&mut Option<Pending>>, pending: Pending, limi
 
 /// The directory entry without its offset.
 fn unplaced(pending: &Option<Pending>) -> Record {
-    let (bytes, weight) = pending
+    let (contents, weight) = pending
         .as_ref()
-        .map_or((&[][..], 0.0), |pending| (&pending.bytes, pending.weight));
+        .map_or((0, 0.0), |pending| (pending.bytes.len() as u32, pending.weight));
     Record {
         offset: 0,
-        length: bytes.len() as u32,
+        length: if contents > 0 {
+            contents + CHECKSUM_BYTES
+        } else {
+            0
+        },
         weight: directory::stored_weight(weight as f32),
-        hash: record_hash(bytes),
     }
 }

@@ -20,7 +20,7 @@ pub(crate) const fn bound(raw: usize) -> usize {
 
 /// Entries of `size` bytes each, rearranged: the first byte of all entries, then the second of all, and so
 /// on. Bytes of one meaning are alike, so zstd does better. On eigen-ABRDFs it saves 2 % against the plain
-/// order and also beats differences between neighbouring directions, on a directory 11 %.
+/// order and also beats differences between neighbouring directions.
 pub(crate) fn to_planes(entries: &[u8], size: usize) -> Vec<u8> {
     (0..size)
         .flat_map(|byte| entries.iter().skip(byte).step_by(size).copied())

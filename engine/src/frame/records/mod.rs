@@ -16,7 +16,7 @@ mod window;
 use std::collections::{BTreeSet, HashMap, HashSet, VecDeque};
 use std::sync::Arc;
 
-use tileset::Page;
+use tileset::{Page, archive::contents};
 
 use self::{
     items::{btf_of, has_children_here, material_of, name, record_of},
@@ -141,7 +141,7 @@ impl Records {
         if self.is_early(item) {
             self.early.insert(item);
         }
-        let bytes = match answer.bytes {
+        let mut bytes = match answer.bytes {
             Ok(bytes) => bytes,
             Err(error) => {
                 counters.requests_failed += 1;
@@ -154,7 +154,8 @@ impl Records {
         };
         let verify = || {
             let (btf, record) = (btf_of(item, btfs), record_of(item, btfs)?);
-            Ok::<_, Error>(btf.index.verify(&btf.archive, record, &bytes)?)
+            btf.index.verify(&btf.archive, record, &bytes)?;
+            Ok::<_, Error>(())
         };
         if let Err(error) = if answer.checked { Ok(()) } else { verify() } {
             counters.records_damaged += 1;
@@ -168,6 +169,8 @@ impl Records {
             return self.give_up(item);
         }
         self.damaged.remove(&item);
+        // From here on it is known to be whole.
+        bytes.truncate(contents(&bytes).len());
         self.store.put_record(item, bytes.clone());
         if self.wanted.contains_key(&item) {
             self.pending.push_back(Waiting {

@@ -48,8 +48,8 @@ impl Fixture {
         let archive = Archive::open(self.archives[request.archive()].clone()).unwrap();
         match request {
             Request::Index { .. } => archive.prefix(),
-            Request::Page { page, .. } => archive.read_page(*page),
-            Request::Column { group, .. } => archive.read_column(*group),
+            Request::Page { page, .. } => archive.page_record(*page),
+            Request::Column { group, .. } => archive.column_record(*group),
         }
         .unwrap()
     }

@@ -28,7 +28,7 @@ use super::{
 use crate::{Error, Result};
 
 /// Largest index that is read: a little more than [`Index::prefix_bytes`] allows.
-const MAX_INDEX_BYTES: u64 = 128 << 20;
+const MAX_INDEX_BYTES: u64 = 40 << 20;
 /// Failures of the disk after which nothing more is added in this run: it is full, or not ours.
 const MAX_FAILURES: u32 = 8;
 

@@ -11,7 +11,7 @@ use std::{
 use bytes::Bytes;
 use serde::Deserialize;
 use tileset::{
-    archive::Index,
+    archive::{CHECKSUM_BYTES, Index},
     codec::{MAX_COLUMN_BYTES, MAX_PAGE_BYTES},
 };
 
@@ -27,7 +27,7 @@ use crate::{Error, Result};
 /// Largest manifest: 2 × 4096 directions and 1024 singular values take about 0.6 MiB as JSON.
 const MAX_MANIFEST_BYTES: u64 = 4 << 20;
 /// Largest header, manifest and directory: a little more than [`tileset::archive::Index::prefix_bytes`] allows.
-const MAX_INDEX_BYTES: u64 = 128 << 20;
+const MAX_INDEX_BYTES: u64 = 40 << 20;
 /// Archives that are known by name at the same time.
 const MAX_ARCHIVES: usize = 4096;
 
@@ -58,8 +58,12 @@ impl Known {
     fn limit(&self, request: &Request) -> u64 {
         match request {
             Request::Index { .. } => self.index_bytes.min(MAX_INDEX_BYTES),
-            Request::Page { .. } => self.largest_page_bytes.min(MAX_PAGE_BYTES.into()),
-            Request::Column { .. } => self.largest_column_bytes.min(MAX_COLUMN_BYTES.into()),
+            Request::Page { .. } => self
+                .largest_page_bytes
+                .min((MAX_PAGE_BYTES + CHECKSUM_BYTES).into()),
+            Request::Column { .. } => self
+                .largest_column_bytes
+                .min((MAX_COLUMN_BYTES + CHECKSUM_BYTES).into()),
         }
     }
 

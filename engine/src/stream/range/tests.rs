@@ -89,8 +89,8 @@ fn large_host() -> (Host, Vec<Request>, Archive<Vec<u8>>) {
 fn expected(archive: &Archive<Vec<u8>>, request: &Request) -> Vec<u8> {
     match request {
         Request::Index { .. } => archive.prefix().unwrap(),
-        Request::Page { page, .. } => archive.read_page(*page).unwrap(),
-        Request::Column { group, .. } => archive.read_column(*group).unwrap(),
+        Request::Page { page, .. } => archive.page_record(*page).unwrap(),
+        Request::Column { group, .. } => archive.column_record(*group).unwrap(),
     }
 }
 
