@@ -24,6 +24,8 @@ pub(crate) enum Content<'a> {
     Catalogue,
     /// `NAME` is the manifest, `NAME.bsvtf` the archive.
     ManifestOrArchive(&'a str),
+    /// Of the archive with this name, whatever its content is now.
+    Index(&'a str),
     /// A file beside the archives, with the hash of its content or without.
     Beside(Option<&'a str>, &'a str),
     /// Something of the archive with this name and content.
@@ -72,7 +74,7 @@ impl<'a> Address<'a> {
             Self::In(_, Content::ManifestOrArchive(file)) if file.ends_with(".bsvtf") => Route::Archive,
             Self::In(_, Content::ManifestOrArchive(_)) => Route::Manifest,
             Self::In(_, Content::Beside(..)) => Route::File,
-            Self::In(_, Content::Of(_, _, Record::Index)) => Route::Index,
+            Self::In(_, Content::Index(_) | Content::Of(_, _, Record::Index)) => Route::Index,
             Self::In(_, Content::Of(_, _, Record::Page(_))) => Route::Page,
             Self::In(_, Content::Of(_, _, Record::Column(_))) => Route::Column,
             Self::In(_, Content::Of(_, _, Record::Batch(_))) => Route::Batch,
@@ -92,6 +94,7 @@ impl<'a> Content<'a> {
         }
         Some(match *segments {
             [file] => Self::ManifestOrArchive(file),
+            [name, "index"] => Self::Index(name),
             [name, id, "index"] => Self::Of(name, id, Record::Index),
             ["files", file] => Self::Beside(None, file),
             ["files", hash, file] => Self::Beside(Some(hash), file),
@@ -147,6 +150,7 @@ mod tests {
                 Address::In("", Content::ManifestOrArchive("c%20.bsvtf")),
                 Route::Archive,
             ),
+            ("/v1/a/index", Address::In("", Content::Index("a")), Route::Index),
             ("/v1/a/b/index", of(Record::Index), Route::Index),
             (
                 "/v1/a/b/page/0/1/2/3",

@@ -43,10 +43,9 @@ impl Service<'_> {
     }
 }
 
-/// Pages of any origin may read answers, and these fields of them.
+/// Pages of any origin may read answers, and all fields of them. No request comes with cookies, so that this is what a star means
+/// (Fetch, section 3.3.3), and it is 71 bytes less in each answer than their names.
 static ANYBODY: HeaderValue = HeaderValue::from_static("*");
-static EXPOSED: HeaderValue =
-    HeaderValue::from_static("etag,content-range,content-length,accept-ranges,retry-after,x-request-id");
 /// What they may ask, and send along.
 const ASKED: [(HeaderName, &str); 4] = [
     (header::ALLOW, "GET, HEAD, OPTIONS"),
@@ -61,7 +60,7 @@ const ASKED: [(HeaderName, &str); 4] = [
 /// The fields of all answers, for pages of other origins.
 pub(crate) fn share(headers: &mut HeaderMap) {
     headers.insert(header::ACCESS_CONTROL_ALLOW_ORIGIN, ANYBODY.clone());
-    headers.insert(header::ACCESS_CONTROL_EXPOSE_HEADERS, EXPOSED.clone());
+    headers.insert(header::ACCESS_CONTROL_EXPOSE_HEADERS, ANYBODY.clone());
 }
 
 /// Preflights, and others who ask what may be asked, get an answer without a token and without a place.

@@ -176,6 +176,14 @@ async fn file(service: Service<'_>, head: &Parts, content: Content<'_>) -> Answe
             let fields = Fields::binary(format!("\"{}\"", served.id()), Keep::Shortly, service.private());
             stored(service, fields, Arc::clone(&served.version), method, headers)
         }
+        Content::Index(name) => {
+            let served = service.newest(&segment(name)?).await?;
+            let fields = Fields::binary(format!("\"{}\"", served.id()), Keep::Shortly, service.private());
+            if fields.known(headers) {
+                return Ok(fields.not_modified());
+            }
+            Ok(fields.whole(service.read(served, What::Index).await?))
+        }
         Content::Beside(hash, name) => {
             let (fields, version) = service.beside(&segment(name)?, hash).await?;
             let mut response = stored(service, fields, version, method, headers)?;

@@ -5,6 +5,7 @@ mod bucket;
 mod curl;
 mod nginx;
 mod secure;
+mod wire;
 
 use std::{path::Path, sync::LazyLock};
 

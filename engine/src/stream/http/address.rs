@@ -60,6 +60,11 @@ impl Address {
         &self.base
     }
 
+    /// Address of the index of an archive as it is now.
+    pub(super) fn index(&self, archive: &str) -> String {
+        format!("{}/v1/{}/index", self.base, escape(archive))
+    }
+
     pub(super) fn manifest(&self, archive: &str) -> String {
         format!("{}/v1/{}", self.base, escape(archive))
     }

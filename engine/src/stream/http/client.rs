@@ -25,15 +25,16 @@ const MAX_MESSAGE_BYTES: u64 = 16 << 10;
 
 /// The end of a request that reached the server.
 pub(super) enum Got {
-    Bytes(Bytes),
+    /// With its ETag, if there is one.
+    Bytes(Bytes, Option<String>),
     /// 404 or 410, and what the server says about it.
     Missing(String),
 }
 
 /// The head of an answer.
 pub(super) enum Begun {
-    /// There is something, and this it comes as.
-    Body(Incoming),
+    /// There is something, and this it comes as, with its ETag, if there is one.
+    Body(Incoming, Option<String>),
     /// 404 or 410, and what the server says about it.
     Missing(String),
 }
@@ -77,7 +78,10 @@ impl HttpClient {
     /// to `wire_bytes`.
     pub(super) async fn get(&self, url: &str, limit: u64, anew: bool, wire_bytes: &AtomicU64) -> Result<Got> {
         match self.begin(url, anew, wire_bytes).await? {
-            Begun::Body(body) => self.body(url, body, limit, wire_bytes).await.map(Got::Bytes),
+            Begun::Body(body, etag) => {
+                let bytes = self.body(url, body, limit, wire_bytes).await?;
+                Ok(Got::Bytes(bytes, etag))
+            }
             Begun::Missing(message) => Ok(Got::Missing(message)),
         }
     }
@@ -93,7 +97,9 @@ impl HttpClient {
         self.count(head_bytes, wire_bytes);
         let status = response.status();
         if status == StatusCode::OK || status == StatusCode::NO_CONTENT {
-            return Ok(Begun::Body(response.into_body()));
+            let etag = response.headers().get(header::ETAG);
+            let etag = etag.and_then(|etag| etag.to_str().ok()).map(str::to_owned);
+            return Ok(Begun::Body(response.into_body(), etag));
         }
         let retry_after = response
             .headers()

@@ -1,4 +1,4 @@
-//! One request: which content the archive has, and the record under that content's address.
+//! One request: the index of an archive, whose ETag names its content, or a record under that content's address.
 
 use std::{
     collections::HashMap,
@@ -31,17 +31,16 @@ const MAX_INDEX_BYTES: u64 = 40 << 20;
 /// Archives that are known by name at the same time.
 const MAX_ARCHIVES: usize = 4096;
 
-/// What the server's manifest says about the archive that requests are for.
+/// The archive that requests are for, as its index or, while nobody has asked for that, the server's manifest has it.
 #[derive(Clone, Deserialize)]
 struct Known {
     /// Content id, 32 hexadecimal digits.
     id: String,
-    index_bytes: u64,
     largest_page_bytes: u64,
     largest_column_bytes: u64,
     #[serde(default)]
     urls: Urls,
-    /// What it says about its records, once it has been asked for.
+    /// What the archive says about its records.
     #[serde(skip)]
     index: Option<Arc<Index>>,
 }
@@ -54,17 +53,28 @@ struct Urls {
 }
 
 impl Known {
+    /// As an index says it. If it does not hold, whoever has asked for it will see.
+    fn by_index(bytes: &Bytes, id: &str) -> Self {
+        Self {
+            id: id.to_owned(),
+            largest_page_bytes: MAX_STORED_PAGE_BYTES,
+            largest_column_bytes: MAX_STORED_COLUMN_BYTES,
+            // Who answers for an index by name does batches.
+            urls: Urls {
+                batch: Some(String::new()),
+            },
+            index: parse_shared(bytes).ok(),
+        }
+    }
+
     /// Most bytes that an answer may have: what the archive says, within what this program accepts.
     fn limit(&self, request: &Request) -> u64 {
-        match request {
-            Request::Index { .. } => self.index_bytes.min(MAX_INDEX_BYTES),
-            Request::Page { .. } => self
-                .largest_page_bytes
-                .min((MAX_PAGE_BYTES + CHECKSUM_BYTES).into()),
-            Request::Column { .. } => self
-                .largest_column_bytes
-                .min((MAX_COLUMN_BYTES + CHECKSUM_BYTES).into()),
-        }
+        let (largest, most) = match request {
+            Request::Index { .. } => (MAX_INDEX_BYTES, MAX_INDEX_BYTES),
+            Request::Page { .. } => (self.largest_page_bytes, MAX_STORED_PAGE_BYTES),
+            Request::Column { .. } => (self.largest_column_bytes, MAX_STORED_COLUMN_BYTES),
+        };
+        self.length(request).unwrap_or(largest).min(most)
     }
 
     /// Bytes of a record, if they are known.
@@ -219,7 +229,7 @@ impl Fetcher {
         }
         let list = batch::list(flights);
         let url = self.address.batch(flights[0].request.archive(), &known.id, &list);
-        let Begun::Body(mut body) = self.client.begin(&url, false, &flights[0].wire_bytes).await? else {
+        let Begun::Body(mut body, _) = self.client.begin(&url, false, &flights[0].wire_bytes).await? else {
             return Ok(());
         };
         let mut frames = Frames::default();
@@ -324,21 +334,23 @@ impl Exchange<'_> {
     /// The index of the archive that the server has now; from here on records are asked for under its id.
     async fn index(&self, slot: &Slot) -> Result<Bytes> {
         let mut slot = slot.lock().await;
-        let mut missing = String::new();
-        // Twice, because the archive may be replaced between the two requests.
-        for _ in 0..2 {
-            let mut known = self.manifest().await?;
-            match self.get(&known).await? {
-                Got::Bytes(bytes) => {
-                    // If it does not hold, whoever asked for it will see.
-                    known.index = parse_shared(&bytes).ok();
-                    *slot = Some(known);
-                    return Ok(bytes);
-                }
-                Got::Missing(detail) => missing = detail,
-            }
+        let url = self.fetcher.address.index(self.request.archive());
+        let (bytes, etag) = match self.get(&url, MAX_INDEX_BYTES).await? {
+            Got::Bytes(bytes, etag) => (bytes, etag.unwrap_or_default()),
+            Got::Missing(detail) => return Err(Error::NotFound(format!("{} ({detail})", self.request))),
+        };
+        // A proxy that changes nothing else may still make it a weak one.
+        let id = etag.trim_start_matches("W/").trim_matches('"');
+        if !is_content_id(id) {
+            return Err(Error::Source {
+                what: url,
+                detail: format!(
+                    "no index of a tile server (its ETag is {etag:?}, no content id of 32 hexadecimal digits): check the address"
+                ),
+            });
         }
-        Err(Error::NotFound(format!("{} ({missing})", self.request)))
+        *slot = Some(Known::by_index(&bytes, id));
+        Ok(bytes)
     }
 
     async fn record(&self, slot: &Slot) -> Result<Bytes> {
@@ -351,8 +363,9 @@ impl Exchange<'_> {
         };
         let length = known.length(self.request).unwrap_or(0);
         self.flight.length.store(length, Ordering::Relaxed);
-        let detail = match self.get(&known).await? {
-            Got::Bytes(bytes) => return Ok(bytes),
+        let url = self.fetcher.address.record(self.request, &known.id);
+        let detail = match self.get(&url, known.limit(self.request)).await? {
+            Got::Bytes(bytes, _) => return Ok(bytes),
             Got::Missing(detail) => detail,
         };
         let now = self.manifest().await?;
@@ -372,14 +385,8 @@ impl Exchange<'_> {
 
     async fn manifest(&self) -> Result<Known> {
         let url = self.fetcher.address.manifest(self.request.archive());
-        let got = self.fetcher.client.get(
-            &url,
-            MAX_MANIFEST_BYTES,
-            self.flight.anew,
-            &self.flight.wire_bytes,
-        );
-        let json = match got.await? {
-            Got::Bytes(json) => json,
+        let json = match self.get(&url, MAX_MANIFEST_BYTES).await? {
+            Got::Bytes(json, _) => json,
             Got::Missing(detail) => return Err(Error::NotFound(format!("{url} ({detail})"))),
         };
         let refuse = |detail: String| Error::Source {
@@ -391,7 +398,7 @@ impl Exchange<'_> {
                 "no manifest of a tile server ({error}): check the address"
             ))
         })?;
-        if known.id.len() != 32 || !known.id.bytes().all(|byte| byte.is_ascii_hexdigit()) {
+        if !is_content_id(&known.id) {
             return Err(refuse(format!(
                 "{:?} is no content id of 32 hexadecimal digits",
                 known.id
@@ -400,16 +407,12 @@ impl Exchange<'_> {
         Ok(known)
     }
 
-    async fn get(&self, known: &Known) -> Result<Got> {
-        let url = self.fetcher.address.record(self.request, &known.id);
-        self.fetcher
-            .client
-            .get(
-                &url,
-                known.limit(self.request),
-                self.flight.anew,
-                &self.flight.wire_bytes,
-            )
-            .await
+    async fn get(&self, url: &str, limit: u64) -> Result<Got> {
+        let (client, flight) = (&self.fetcher.client, self.flight);
+        client.get(url, limit, flight.anew, &flight.wire_bytes).await
     }
+}
+
+fn is_content_id(id: &str) -> bool {
+    id.len() == 32 && id.bytes().all(|byte| byte.is_ascii_hexdigit())
 }

@@ -167,6 +167,115 @@ fn what_is_given_up_stops_costing_half_a_round_trip_later() {
     assert_eq!(source.stats().wire_bytes, bytes);
 }
 
+/// A tile server: a head of 100 bytes, frames of 10, up to three records in an answer.
+fn batches(connections: usize) -> Network {
+    Network {
+        connections,
+        streams: 1,
+        batch: 3,
+        header_bytes: 100,
+        frame_bytes: 10,
+        ..line()
+    }
+}
+
+/// Records of one archive that are stored, without its index.
+fn records(archive: usize) -> Vec<Request> {
+    let (name, _) = Fixture::get().archives.iter().nth(archive).unwrap();
+    let all = Fixture::get().requests().into_iter();
+    all.filter(|request| {
+        let index = matches!(request, Request::Index { .. });
+        !index && request.archive() == name && length(request) > 0
+    })
+    .collect()
+}
+
+#[test]
+fn records_of_one_archive_come_in_one_answer_each_as_soon_as_it_is_there() {
+    let (a, b) = (records(0), records(1));
+    let index = Fixture::get().requests()[0].clone();
+    // The index goes first, alone; then three of the first archive, the one that is left, and the other archive's.
+    let asked = [&a[0], &b[0], &a[1], &a[2], &a[3], &index];
+    let asked: Vec<Request> = asked.into_iter().cloned().collect();
+    let mut due = 40_000;
+    let expected = [
+        (&index, 100),
+        (&a[0], 110),
+        (&a[1], 10),
+        (&a[2], 10),
+        (&b[0], 100),
+        (&a[3], 100),
+    ]
+    .map(|(request, more)| {
+        due += length(request) + more;
+        (request.to_string(), due, length(request) + more)
+    });
+    assert_eq!(times(batches(4), 1, &asked), expected);
+}
+
+#[test]
+fn what_waits_for_a_connection_goes_out_together() {
+    let a = records(0);
+    let mut source = source(batches(1));
+    let mut submit = |source: &mut NetworkSource<MemorySource>, at: usize| {
+        source.submit(a[at].clone()).unwrap();
+        source.advance(MS);
+    };
+    // Each a millisecond after the other: the first alone, and all others with it when it has come.
+    for at in 0..4 {
+        submit(&mut source, at);
+    }
+    let mut came = 0;
+    while came < 4 {
+        source.advance(MS);
+        while source.poll().is_some() {
+            came += 1;
+        }
+    }
+    let bytes: u64 = a[..4].iter().map(length).sum();
+    assert_eq!(source.stats().exchanges, 2);
+    assert_eq!(source.network_stats().delivered_bytes, bytes + 2 * 100 + 3 * 10);
+}
+
+#[test]
+fn a_record_in_the_middle_comes_all_the_same() {
+    let a = records(0);
+    let whole: u64 = a[..3].iter().map(|request| length(request) + 10).sum::<u64>() + 100;
+    for given_up in [vec![1], vec![0, 2], vec![0, 1, 2]] {
+        let mut source = source(batches(1));
+        let tickets: Vec<Ticket> = a[..3]
+            .iter()
+            .map(|request| source.submit(request.clone()).unwrap())
+            .collect();
+        // All is on its way, and nothing has left the server.
+        source.advance(25 * MS);
+        given_up.iter().for_each(|at| source.cancel(tickets[*at]));
+        source.advance(Duration::from_secs(1));
+        let came: Vec<Ticket> = std::iter::from_fn(|| source.poll().map(|answer| answer.ticket)).collect();
+        let kept: Vec<Ticket> = (0..3)
+            .filter(|at| !given_up.contains(at))
+            .map(|at| tickets[at])
+            .collect();
+        assert_eq!(came, kept);
+        let stats = source.network_stats();
+        let lost: u64 = given_up
+            .iter()
+            .map(|&at| length(&a[at]) + 10 + if at == 0 { 100 } else { 0 })
+            .sum();
+        let expected = match given_up.len() {
+            // It would have begun at 30 ms, and the server knows at 35 ms.
+            3 => (whole.min(5000), whole.saturating_sub(5000), 0),
+            _ => (lost, 0, whole - lost),
+        };
+        let found = (stats.wasted_bytes, stats.saved_bytes, stats.delivered_bytes);
+        assert_eq!(found, expected, "{given_up:?}");
+        // Its connection is free again.
+        let again = source.submit(a[3].clone()).unwrap();
+        source.advance(Duration::from_secs(1));
+        assert_eq!(source.poll().unwrap().ticket, again);
+    }
+}
+
 #[test]
 fn a_cache_behind_it_costs_nothing_and_an_idle_line_saves_nothing_up() {
     let requests = Fixture::get().requests();

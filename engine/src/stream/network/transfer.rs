@@ -170,3 +170,39 @@ pub(super) struct Landing {
     pub(super) answer: Option<Answer>,
     pub(super) bytes: u64,
 }
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use super::*;
+
+    #[test]
+    fn segments_are_lost_whole_and_cost_the_record_that_they_begin_in() {
+        let network = Network {
+            round_trip: Duration::from_nanos(1000),
+            jitter: Duration::from_nanos(100),
+            loss: 0.5,
+            ..Network::default()
+        };
+        let mut lost = [false; 30];
+        for seed in 0..50 {
+            let mut random = SplitMix64(seed);
+            let mut stream = Stream::draw(&network, 3000, &mut random);
+            let fates: Vec<Fate> = (0..30).map(|_| stream.next(&network, 100, &mut random)).collect();
+            for (at, fate) in fates.iter().enumerate() {
+                // Segments begin at 0, 1460 and 2920; the last has 80 bytes.
+                let segment = [(0, 1460), (14, 1460), (29, 80)].into_iter().find(|(first, _)| *first == at);
+                match segment {
+                    Some((_, length)) => assert_eq!(fate.resent_bytes % length, 0),
+                    None => assert_eq!(fate.resent_bytes, 0, "{at}"),
+                }
+                lost[at] |= fate.resent_bytes > 0;
+                let times = segment.map_or(0, |(_, length)| fate.resent_bytes / length);
+                assert_eq!(fate.held_up, fates[1].held_up + 1000 * times);
+            }
+            assert!(fates[1].held_up <= 100);
+        }
+        assert_eq!(lost.iter().filter(|lost| **lost).count(), 3);
+    }
+}

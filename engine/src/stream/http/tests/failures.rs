@@ -138,9 +138,8 @@ fn what_never_crossed_the_wire_is_counted() {
     let (hung_up, _keep) = mpsc::channel();
     let bytes = archive(1);
     let archive = tileset::Archive::open(bytes).unwrap();
-    let path: &'static str = format!("/v1/a/{ID}/index").leak();
     let replies = [
-        (path, vec![ok(archive.prefix().unwrap())]),
+        ("/v1/a/index", vec![an_index(archive.prefix().unwrap())]),
         (COLUMN, vec![Reply::Silence(hung_up)]),
     ];
     let server = Scripted::with_manifest(1 << 20, replies);

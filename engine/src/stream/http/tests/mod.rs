@@ -39,6 +39,13 @@ fn ok(body: impl AsRef<[u8]>) -> Reply {
     with_status("200 OK", body)
 }
 
+/// An index of an archive with [`ID`].
+fn an_index(body: impl AsRef<[u8]>) -> Reply {
+    let length = body.as_ref().len();
+    let head = format!("HTTP/1.1 200 OK\r\ncontent-length: {length}\r\netag: \"{ID}\"\r\n\r\n");
+    Reply::Raw([head.as_bytes(), body.as_ref()].concat())
+}
+
 fn with_status(status: &str, body: impl AsRef<[u8]>) -> Reply {
     let length = body.as_ref().len();
     let head =

@@ -18,7 +18,8 @@ fn many_requests_share_manifest_and_connections() {
     assert_eq!(server.asked("/v1/a"), 1);
     let connections = server.connections.load(Ordering::SeqCst);
     assert!(
-        connections <= source.capacity() as u64 + 1,
+        // One that has just answered may not be back among the free ones yet.
+        connections <= 2 * HttpOptions::default().connections as u64,
         "{connections} connections for 201 requests"
     );
 }
@@ -54,14 +55,14 @@ fn a_replaced_archive_is_noticed() {
 }
 
 #[test]
-fn an_archive_that_is_replaced_between_manifest_and_index_is_loaded() {
-    let new = "f".repeat(32);
-    let replaced = vec![ok(manifest(ID, 10)), ok(manifest(&new, 10))];
-    let path: &'static str = format!("/v1/a/{new}/index").leak();
-    let server = Scripted::start([("/v1/a", replaced), (path, vec![ok("an index")])]);
+fn an_index_is_one_exchange_and_says_what_it_is_of() {
+    let index = [Request::Index { archive: "a".into() }];
+    let server = Scripted::start([("/v1/a/index", vec![an_index("an index"), ok("a page about cloth")])]);
     let mut source = HttpSource::new(&server.url, &HttpOptions::default()).unwrap();
-    let answers = fetch(&mut source, &[Request::Index { archive: "a".into() }]);
-    assert_eq!(answers[0].bytes.as_ref().unwrap(), "an index");
+    assert_eq!(fetch(&mut source, &index)[0].bytes.as_ref().unwrap(), "an index");
+    assert_eq!(source.stats().exchanges, 1);
+    let said = fetch(&mut source, &index).remove(0).bytes.unwrap_err().to_string();
+    assert!(said.contains("no index of a tile server"), "{said}");
 }
 
 #[test]
