@@ -8,7 +8,7 @@ use libfuzzer_sys::fuzz_target;
 use tileset::{Archive, PageId};
 
 static FIXTURE: LazyLock<Archive<&'static [u8]>> = LazyLock::new(|| {
-    Archive::open(&include_bytes!("../../tileset/tests/fixtures/v5-pyramid-dct.bsvtf")[..]).expect("the fixture is whole")
+    Archive::open(&include_bytes!("../../tileset/tests/fixtures/v6-pyramid-dct.bsvtf")[..]).expect("the fixture is whole")
 });
 
 fuzz_target!(|bytes: &[u8]| {

@@ -28,6 +28,9 @@ use crate::{Error, Result};
 const MAX_MANIFEST_BYTES: u64 = 4 << 20;
 /// Largest header, manifest and directory: a little more than [`tileset::archive::Index::prefix_bytes`] allows.
 const MAX_INDEX_BYTES: u64 = 40 << 20;
+/// Largest records, with their checksums.
+const MAX_STORED_PAGE_BYTES: u64 = (MAX_PAGE_BYTES + CHECKSUM_BYTES) as u64;
+const MAX_STORED_COLUMN_BYTES: u64 = (MAX_COLUMN_BYTES + CHECKSUM_BYTES) as u64;
 /// Archives that are known by name at the same time.
 const MAX_ARCHIVES: usize = 4096;
 

@@ -166,7 +166,7 @@ fn long_indices_take_two_ranges() {
     assert_eq!(asked[1].1, Some(format!("bytes=65536-{last}")));
 }
 
-/// An archive with so many pages that its directory is long.
+/// An archive with so many pages, of which none is like another, that its directory is long.
 fn wide() -> Vec<u8> {
     let small = Archive::open(archive(1)).unwrap();
     let manifest = tileset::Manifest {
@@ -180,9 +180,11 @@ fn wide() -> Vec<u8> {
     let mut writer = tileset::ArchiveWriter::new(manifest).unwrap();
     writer.add_column(0, vec![7; 30], 1.0).unwrap();
     for (i, tile) in (1u64..).zip(pyramid.tiles()) {
-        let bytes = (i * i * 7919).to_le_bytes()[..3].to_vec();
+        let noise = i.wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        let bytes = vec![i as u8; 1 + (noise >> 58) as usize];
+        let octaves = (noise >> 32 & 0xfff) as f64 / 300.0;
         writer
-            .add_page(PageId { group: 0, tile }, bytes, 1.0 / i as f64)
+            .add_page(PageId { group: 0, tile }, bytes, (-octaves).exp2())
             .unwrap();
     }
     let mut bytes = Vec::new();

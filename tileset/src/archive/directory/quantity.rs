@@ -156,8 +156,8 @@ impl<const N: usize> Filter<N> {
 
     fn learn(&mut self, inputs: [i32; N], missed: i32) {
         let square = |input: i32| i64::from(input) * i64::from(input);
-        // An eighth of an octave is added, so that noise teaches little.
-        let power = inputs.iter().map(|&input| square(input)).sum::<i64>() + square(OCTAVE / 8) / 4;
+        // A sixteenth of an octave is added, so that noise teaches little.
+        let power = inputs.iter().map(|&input| square(input)).sum::<i64>() + square(OCTAVE / 16);
         let pull = (i64::from(missed) << 24) / power;
         for (factor, input) in self.factors.iter_mut().zip(inputs) {
             let change = (pull * i64::from(input)) >> (24 - FACTOR + self.slowness);
