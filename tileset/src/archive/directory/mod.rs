@@ -17,7 +17,7 @@ use crate::{
 };
 
 /// Largest accepted directory as it is stored: eight bytes for each entry.
-pub(super) const MAX_DIRECTORY_BYTES: u32 = (MAX_PAGES as u32 + MAX_COMPONENTS / GROUP_COMPONENTS as u32) * 8;
+pub(super) const MAX_DIRECTORY_BYTES: u32 = (MAX_PAGES + MAX_COMPONENTS / GROUP_COMPONENTS as u32) * 8;
 
 const WEIGHT_SHIFT: u32 = f32::MANTISSA_DIGITS - 1 - Weights::MANTISSA;
 
