@@ -194,17 +194,17 @@ fn records(archive: usize) -> Vec<Request> {
 fn records_of_one_archive_come_in_one_answer_each_as_soon_as_it_is_there() {
     let (a, b) = (records(0), records(1));
     let index = Fixture::get().requests()[0].clone();
-    // The index goes first, alone; then three of the first archive, the one that is left, and the other archive's.
+    // The index goes first, alone; then three of the first archive, the other archive's, and the one that is left. They share the line.
     let asked = [&a[0], &b[0], &a[1], &a[2], &a[3], &index];
     let asked: Vec<Request> = asked.into_iter().cloned().collect();
     let mut due = 40_000;
     let expected = [
         (&index, 100),
         (&a[0], 110),
-        (&a[1], 10),
-        (&a[2], 10),
         (&b[0], 100),
         (&a[3], 100),
+        (&a[1], 10),
+        (&a[2], 10),
     ]
     .map(|(request, more)| {
         due += length(request) + more;
