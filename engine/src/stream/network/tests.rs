@@ -217,7 +217,7 @@ fn records_of_one_archive_come_in_one_answer_each_as_soon_as_it_is_there() {
 fn what_waits_for_a_connection_goes_out_together() {
     let a = records(0);
     let mut source = source(batches(1));
-    let mut submit = |source: &mut NetworkSource<MemorySource>, at: usize| {
+    let submit = |source: &mut NetworkSource<MemorySource>, at: usize| {
         source.submit(a[at].clone()).unwrap();
         source.advance(MS);
     };
