@@ -19,7 +19,7 @@ use super::slots::Slots;
 /// Updates after which what failed is asked for again.
 const RETRY: u64 = 60;
 /// Most records that are asked for and not here: what can be on its way by the engine's own budgets.
-const REQUESTS: usize = 256;
+const REQUESTS: usize = 64;
 
 pub(super) struct Baseline {
     contender: Contender,

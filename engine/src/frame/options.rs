@@ -158,7 +158,7 @@ impl Default for Budgets {
             uploads_per_frame: 32,
             // Without threads a frame decodes itself: some 3 ms of pages.
             decodes_per_frame: if cfg!(target_arch = "wasm32") { 8 } else { 64 },
-            requests_in_flight: 256,
+            requests_in_flight: 64,
             bytes_in_flight: 16 << 20,
         }
     }

@@ -201,7 +201,7 @@ fn a_missing_archive_and_one_too_large_are_told_once_and_the_rest_settles() {
 fn bytes_in_flight_and_decodes_in_a_frame_are_bounded() {
     let archive = Recipe::default().build();
     let (scene, camera) = still_life();
-    for (wait, bytes_in_flight, most_in_flight) in [(true, 1, 1), (false, 1, 1), (true, 1 << 30, 256)] {
+    for (wait, bytes_in_flight, most_in_flight) in [(true, 1, 1), (false, 1, 1), (true, 1 << 30, 64)] {
         let most = Arc::new(AtomicUsize::new(0));
         let gate = Gate {
             line: *source(&[("weave", &archive)]),

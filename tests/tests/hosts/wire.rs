@@ -43,7 +43,13 @@ fn the_model_counts_what_the_client_receives() {
         memory.insert(name, std::fs::read(&file).unwrap()).unwrap();
         let all = requests(name, &file);
         let mut stored = all.into_iter().filter(|(_, bytes)| !bytes.is_empty());
-        let mut next = |count| stored.by_ref().take(count).map(|(request, _)| request).collect::<Vec<_>>();
+        let mut next = |count| {
+            stored
+                .by_ref()
+                .take(count)
+                .map(|(request, _)| request)
+                .collect::<Vec<_>>()
+        };
         // Indices, single records, a few of each archive, and more than an answer holds.
         for (go, count) in goes.iter_mut().zip([1, 1, 5, 100]) {
             go.extend(next(count));
@@ -59,7 +65,10 @@ fn the_model_counts_what_the_client_receives() {
     assert_eq!(modelled, exchanges, "exchanges of the model and of the client");
     assert_eq!(counted, model.network_stats().delivered_bytes);
     let records: u64 = goes.iter().map(|go| go.len() as u64).sum();
-    assert!(exchanges < records / 2, "{exchanges} exchanges for {records} records");
+    assert!(
+        exchanges < records / 2,
+        "{exchanges} exchanges for {records} records"
+    );
     let off = (counted as f64 - received as f64).abs() / received as f64;
     assert!(off < 0.02, "{counted} bytes in the model, {received} in truth");
 }

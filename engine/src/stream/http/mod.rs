@@ -135,9 +135,11 @@ impl HttpSource {
             let Ok(permit) = Arc::clone(&self.connections).try_acquire_owned() else {
                 return;
             };
-            let sent = take_next(&mut self.pending, |archive| match self.fetcher.has_batches(archive) {
-                true => MAX_RECORDS,
-                false => 1,
+            let sent = take_next(&mut self.pending, |archive| {
+                match self.fetcher.has_batches(archive) {
+                    true => MAX_RECORDS,
+                    false => 1,
+                }
             });
             self.send(sent, permit);
         }

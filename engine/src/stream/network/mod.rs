@@ -2,9 +2,9 @@
 //!
 //! Records of one archive that are submitted between two looks, or while all connections are busy, are asked for in one exchange, as
 //! [`super::HttpSource`] does (`together` chooses for both). A request takes half a round trip to the server, after a handshake on
-//! a connection that is new. There answers queue up for the one line that all connections share, in the order in which their
-//! requests arrived, and each has the whole line while its bytes go out: a head, and frames with the records in the order asked. A
-//! record is there when its last byte lands, half a round trip later. Lost segments take the line again and a round trip more, in
+//! a connection that is new. Answers are a head, and frames with the records in the order asked. All connections share one line, record by
+//! record: next is the answer that has had least of it since it began (Goyal, Vin, Cheng: Start-Time Fair Queueing, 1996), which is what
+//! TCP comes to. A record is there when its last byte lands, half a round trip later. Lost segments take the line again and a round trip more, in
 //! which nothing else lands on that connection. Congestion control is left out: the line is taken to be as wide as it is said to
 //! be from the first byte on. An exchange is broken off when nobody waits for any of its records, and its connection stays.
 //!
@@ -61,6 +61,8 @@ pub struct NetworkSource<S> {
     exchanges: BTreeMap<u64, Exchange>,
     /// Exchanges so far.
     sent: u64,
+    /// What the answer that last had the line had had of it before, as [`Exchange::share`].
+    share: u64,
     connections: Vec<Connection>,
     landings: Vec<Landing>,
     landed: VecDeque<(Answer, u64)>,
@@ -82,6 +84,7 @@ impl<S: TileSource> NetworkSource<S> {
             transfers: Vec::new(),
             exchanges: BTreeMap::new(),
             sent: 0,
+            share: 0,
             connections: vec![Connection::default(); connections],
             landings: Vec::new(),
             landed: VecDeque::new(),
@@ -131,6 +134,7 @@ impl<S: TileSource> NetworkSource<S> {
                 ready: connection.send(now, self.network.trip()),
                 known: false,
                 started: false,
+                share: 0,
                 stop: u64::MAX,
                 left: together.len(),
                 wanted: together.len(),
@@ -149,7 +153,8 @@ impl<S: TileSource> NetworkSource<S> {
     /// Takes from the inner source what it has: no more than is in flight.
     fn collect(&mut self) {
         while let Some(answer) = self.inner.poll() {
-            let owed = |transfer: &&mut Transfer| transfer.ticket == answer.ticket && transfer.answer.is_none();
+            let owed =
+                |transfer: &&mut Transfer| transfer.ticket == answer.ticket && transfer.answer.is_none();
             let mut all = self.waiting.iter_mut().chain(&mut self.transfers);
             let Some(transfer) = all.find(owed).filter(|transfer| !transfer.given_up) else {
                 continue;
@@ -192,7 +197,11 @@ impl<S: TileSource> NetworkSource<S> {
         let records: u64 = parts().map(|part| part.bytes + frame).sum();
         let mut stream = Stream::draw(&self.network, header_bytes + records, &mut self.random);
         let mut head = header_bytes;
-        for part in self.transfers.iter_mut().filter(|part| part.exchange == Some(number)) {
+        for part in self
+            .transfers
+            .iter_mut()
+            .filter(|part| part.exchange == Some(number))
+        {
             let bytes = part.bytes + frame + std::mem::take(&mut head);
             part.fate = stream.next(&self.network, bytes, &mut self.random);
             part.bytes = bytes + part.fate.resent_bytes;
@@ -233,9 +242,19 @@ impl<S: TileSource> NetworkSource<S> {
     fn next_on_line(&self) -> Option<(usize, &Exchange)> {
         let known = self.exchanges.iter().filter(|(_, exchange)| exchange.known);
         let mut known: Vec<(&u64, &Exchange)> = known.collect();
-        known.sort_unstable_by_key(|(number, exchange)| (exchange.ready, **number));
+        known.sort_unstable_by_key(|(number, exchange)| {
+            let share = if exchange.started {
+                exchange.share
+            } else {
+                self.share
+            };
+            (exchange.ready.max(self.line), share, **number)
+        });
         known.into_iter().find_map(|(number, exchange)| {
-            let at = self.transfers.iter().position(|part| part.exchange == Some(*number))?;
+            let at = self
+                .transfers
+                .iter()
+                .position(|part| part.exchange == Some(*number))?;
             Some((at, exchange))
         })
     }
@@ -264,8 +283,12 @@ impl<S: TileSource> NetworkSource<S> {
                 (_, Some((_, start, at))) if start < end => {
                     let transfer = &mut self.transfers[at];
                     transfer.left -= end - start;
-                    let exchange = transfer.exchange.and_then(|number| self.exchanges.get_mut(&number));
-                    exchange.into_iter().for_each(|exchange| exchange.started = true);
+                    let exchange = transfer
+                        .exchange
+                        .and_then(|number| self.exchanges.get_mut(&number));
+                    exchange
+                        .into_iter()
+                        .for_each(|exchange| exchange.start(self.share));
                     self.line = end;
                     break;
                 }
@@ -287,7 +310,9 @@ impl<S: TileSource> NetworkSource<S> {
         else {
             return;
         };
-        exchange.started |= sent > start;
+        if sent > start {
+            exchange.start(self.share);
+        }
         if !whole || exchange.stop <= start {
             let ticket = transfer.ticket;
             if let Some(transfer) = self.take(ticket) {
@@ -295,8 +320,10 @@ impl<S: TileSource> NetworkSource<S> {
             }
             return;
         }
-        exchange.started = true;
+        exchange.start(self.share);
         let transfer = self.transfers.remove(at);
+        self.share = exchange.share;
+        exchange.share += transfer.bytes;
         self.stats.resent_bytes += transfer.fate.resent_bytes;
         let in_order = &mut self.connections[exchange.connection].in_order;
         *in_order = (*in_order).max(sent + self.network.trip() / 2 + transfer.fate.held_up);
@@ -395,7 +422,11 @@ impl<S: TileSource> TileSource for NetworkSource<S> {
             landing.answer = None;
             let number = landing.exchange;
             self.unwant(number);
-        } else if let Some(transfer) = self.transfers.iter_mut().find(|transfer| transfer.ticket == ticket) {
+        } else if let Some(transfer) = self
+            .transfers
+            .iter_mut()
+            .find(|transfer| transfer.ticket == ticket)
+        {
             transfer.given_up = true;
             // Known ones are priced with it; one that the source behind still owes costs nothing.
             if let Some(number) = transfer.exchange {

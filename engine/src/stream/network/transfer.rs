@@ -133,12 +133,23 @@ pub(super) struct Exchange {
     pub(super) known: bool,
     /// Some of it has left the server.
     pub(super) started: bool,
+    /// Bytes that it has had of the line, and those that others had had when it began.
+    pub(super) share: u64,
     /// When the server learns that nobody wants it any more.
     pub(super) stop: u64,
     /// Records that have neither landed nor been dropped.
     pub(super) left: usize,
     /// Those of them that somebody waits for.
     pub(super) wanted: usize,
+}
+
+impl Exchange {
+    /// Its first bytes leave the server, when others have had so much.
+    pub(super) fn start(&mut self, share: u64) {
+        if !self.started {
+            (self.started, self.share) = (true, share);
+        }
+    }
 }
 
 /// A connection. Its first request waits for the handshake.
@@ -192,7 +203,9 @@ mod tests {
             let fates: Vec<Fate> = (0..30).map(|_| stream.next(&network, 100, &mut random)).collect();
             for (at, fate) in fates.iter().enumerate() {
                 // Segments begin at 0, 1460 and 2920; the last has 80 bytes.
-                let segment = [(0, 1460), (14, 1460), (29, 80)].into_iter().find(|(first, _)| *first == at);
+                let segment = [(0, 1460), (14, 1460), (29, 80)]
+                    .into_iter()
+                    .find(|(first, _)| *first == at);
                 match segment {
                     Some((_, length)) => assert_eq!(fate.resent_bytes % length, 0),
                     None => assert_eq!(fate.resent_bytes, 0, "{at}"),

@@ -57,11 +57,18 @@ fn a_replaced_archive_is_noticed() {
 #[test]
 fn an_index_is_one_exchange_and_says_what_it_is_of() {
     let index = [Request::Index { archive: "a".into() }];
-    let server = Scripted::start([("/v1/a/index", vec![an_index("an index"), ok("a page about cloth")])]);
+    let server = Scripted::start([(
+        "/v1/a/index",
+        vec![an_index("an index"), ok("a page about cloth")],
+    )]);
     let mut source = HttpSource::new(&server.url, &HttpOptions::default()).unwrap();
     assert_eq!(fetch(&mut source, &index)[0].bytes.as_ref().unwrap(), "an index");
     assert_eq!(source.stats().exchanges, 1);
-    let said = fetch(&mut source, &index).remove(0).bytes.unwrap_err().to_string();
+    let said = fetch(&mut source, &index)
+        .remove(0)
+        .bytes
+        .unwrap_err()
+        .to_string();
     assert!(said.contains("no index of a tile server"), "{said}");
 }
 
