@@ -104,7 +104,7 @@ fn contenders_end_with_the_same_picture_and_ours_is_the_first() {
     assert_eq!(table.matches("| Eigentile |").count(), 4, "{table}");
     let plot = plot(&results);
     assert!(
-        plot.starts_with("<svg") && plot.matches("#0969da").count() == 5,
+        plot.starts_with("<svg") && plot.matches("stroke=\"#0969DA\"").count() == 5,
         "{plot}"
     );
     assert!(!plot.contains("NaN") && !plot.contains("inf"), "{plot}");

@@ -6,18 +6,18 @@ use engine::gpu::PageFormat;
 
 use super::shots::name;
 use super::{Point, Quality, Results, Setting, Shot};
-use crate::report::chart::{self, Axes, Series, chart, legend};
+use crate::report::chart::{BLUE, GREEN, OCHRE, Panel, RED, RGBColor, Scale, Series, VIOLET, chart};
 use crate::report::{Image, Report};
 
 const MIB: f64 = 1048576.0;
-/// By share of the components: colours that differ in lightness too.
-const COLOURS: [&str; 5] = ["#0969da", "#bf8700", "#8250df", "#1a7f37", "#cf222e"];
+/// By share of the components.
+const COLOURS: [RGBColor; 5] = [BLUE, OCHRE, VIOLET, GREEN, RED];
 
 /// A figure: its name in plots, a short one, and how it is found.
 struct Figure {
     title: &'static str,
     short: &'static str,
-    log_above: Option<f64>,
+    y: Scale,
     of: fn(&Quality) -> f64,
 }
 
@@ -25,42 +25,46 @@ const FIGURES: [Figure; 8] = [
     figure(
         "RMSE of radiance, before tone mapping",
         "rmse",
-        Some(1e-6),
+        Scale::Log { least: Some(1e-6) },
         |quality| quality.measured.rmse,
     ),
-    figure("RMSE of what is shown", "shown_rmse", Some(1e-6), |quality| {
-        quality.measured.shown_rmse
-    }),
-    figure("PSNR of what is shown, dB", "psnr_db", None, |quality| {
+    figure(
+        "RMSE of what is shown",
+        "shown_rmse",
+        Scale::Log { least: Some(1e-6) },
+        |quality| quality.measured.shown_rmse,
+    ),
+    figure("PSNR of what is shown, dB", "psnr_db", Scale::Linear, |quality| {
         quality.measured.psnr_db
     }),
-    figure("SSIM of what is shown", "ssim", None, |quality| {
+    figure("SSIM of what is shown", "ssim", Scale::Linear, |quality| {
         quality.measured.ssim
     }),
-    figure("FLIP of what is shown", "flip", None, |quality| quality.flip),
-    figure("HDR-FLIP, before tone mapping", "hdr_flip", None, |quality| {
-        quality.hdr_flip
+    figure("FLIP of what is shown", "flip", Scale::Linear, |quality| {
+        quality.flip
     }),
-    figure("ΔE*ab 1976 of what is shown", "delta_e_76", None, |quality| {
-        quality.measured.delta_e_76
-    }),
-    figure("ΔE 2000 of what is shown", "delta_e_2000", None, |quality| {
-        quality.measured.delta_e_2000
-    }),
+    figure(
+        "HDR-FLIP, before tone mapping",
+        "hdr_flip",
+        Scale::Linear,
+        |quality| quality.hdr_flip,
+    ),
+    figure(
+        "ΔE*ab 1976 of what is shown",
+        "delta_e_76",
+        Scale::Linear,
+        |quality| quality.measured.delta_e_76,
+    ),
+    figure(
+        "ΔE 2000 of what is shown",
+        "delta_e_2000",
+        Scale::Linear,
+        |quality| quality.measured.delta_e_2000,
+    ),
 ];
 
-const fn figure(
-    title: &'static str,
-    short: &'static str,
-    log_above: Option<f64>,
-    of: fn(&Quality) -> f64,
-) -> Figure {
-    Figure {
-        title,
-        short,
-        log_above,
-        of,
-    }
+const fn figure(title: &'static str, short: &'static str, y: Scale, of: fn(&Quality) -> f64) -> Figure {
+    Figure { title, short, y, of }
 }
 
 /// [`rows`], then what the knee is.
@@ -154,58 +158,50 @@ pub fn report(results: &Results) -> Report {
     report.heading("Figures").text(rows(results))
 }
 
-/// One curve as SVG: FLIP over memory, against the uncompressed BTFs where they are known, and what the colours mean.
+/// One figure as SVG: FLIP over memory, against the uncompressed BTFs where they are known.
 pub fn plot(results: &Results) -> String {
     let against: fn(&Point) -> Option<&Quality> = match results.full_reference {
         Some(_) => |point| point.reference.as_ref(),
         None => |point| Some(&point.full),
     };
-    let flip = FIGURES
-        .iter()
-        .position(|figure| figure.short == "flip")
-        .unwrap_or(0);
-    let mut charts = charts(results, against);
-    let chart = charts.remove(flip + 1); // the legend is before them
-    chart::stacked(&[chart, charts.remove(0)])
+    let flip = FIGURES.iter().position(|figure| figure.short == "flip");
+    draw(results, &FIGURES[flip.unwrap_or(0)], against)
 }
 
-/// What the curves are, then one chart for each of [`FIGURES`].
-fn charts(results: &Results, quality: impl Fn(&Point) -> Option<&Quality>) -> Vec<String> {
-    let series = |of: fn(&Quality) -> f64| -> Vec<Series> {
-        let mut all = Vec::new();
-        for &format in &results.plan.formats {
-            for (rank, &share) in results.plan.shares.iter().enumerate() {
-                let curve = results.curve(format, share);
-                let groups = curve.map(|(_, point)| point.setting.groups).max().unwrap_or(0);
-                let points = results
-                    .curve(format, share)
-                    .filter_map(|(_, point)| Some((point.bytes() as f64 / MIB, of(quality(point)?))));
-                all.push(Series {
-                    name: format!("{}, {} components", name(format), 4 * u32::from(groups)),
-                    colour: COLOURS[rank % COLOURS.len()],
-                    dashed: format == PageFormat::Byte,
-                    points: points.collect(),
-                    labels: Vec::new(),
-                    hollow: false,
-                });
-            }
+/// A chart for each of [`FIGURES`].
+fn charts(results: &Results, quality: fn(&Point) -> Option<&Quality>) -> Vec<String> {
+    let charts = FIGURES.iter().map(|figure| draw(results, figure, quality));
+    charts.collect()
+}
+
+fn draw(results: &Results, figure: &Figure, quality: fn(&Point) -> Option<&Quality>) -> String {
+    let at = |point: &Point| Some((point.bytes() as f64 / MIB, (figure.of)(quality(point)?)));
+    let mut series = Vec::new();
+    for &format in &results.plan.formats {
+        for (rank, &share) in results.plan.shares.iter().enumerate() {
+            let curve = || results.curve(format, share).map(|(_, point)| point);
+            let groups = curve().map(|point| point.setting.groups).max().unwrap_or(0);
+            let name = format!("{}, {} components", name(format), 4 * u32::from(groups));
+            series.push(Series {
+                dashed: format == PageFormat::Byte,
+                radius: 2.5,
+                ..Series::new(
+                    name,
+                    COLOURS[rank % COLOURS.len()],
+                    curve().filter_map(at).collect(),
+                )
+            });
         }
-        all
+    }
+    let panel = Panel {
+        title: String::new(),
+        x_name: "MiB on the GPU".into(),
+        x: Scale::Log { least: None },
+        y: figure.y,
+        series,
+        mark: results.knee.and_then(|knee| at(&results.points[knee])),
     };
-    let draw = |figure: &Figure| {
-        let knee = results.knee.map(|at| &results.points[at]);
-        let mark = knee.and_then(|point| Some((point.bytes() as f64 / MIB, (figure.of)(quality(point)?))));
-        let axes = Axes {
-            title: figure.title,
-            x: "MiB on the GPU",
-            log_above: figure.log_above,
-        };
-        chart(&axes, &series(figure.of), mark)
-    };
-    [legend(&series(|_| 0.0))]
-        .into_iter()
-        .chain(FIGURES.iter().map(draw))
-        .collect()
+    chart(figure.title, 1, &[panel])
 }
 
 fn picture(results: &Results, shot: &Shot) -> (Vec<Image>, String) {

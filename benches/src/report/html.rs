@@ -4,7 +4,6 @@ use std::fmt::Write;
 
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
 
-use super::chart::escape;
 use super::{Image, Origin, Part, Report};
 
 const STYLE: &str = "body{font:15px/1.5 system-ui,sans-serif;max-width:1480px;margin:2em auto;padding:0 1em;color:#24292f;background:#fff}\
@@ -111,6 +110,14 @@ fn table(rows: &[&str]) -> String {
         html += "</tr>";
     }
     html + "</table></div>\n"
+}
+
+/// Text of XML and HTML.
+pub(super) fn escape(text: &str) -> String {
+    text.replace('&', "&amp;")
+        .replace('<', "&lt;")
+        .replace('>', "&gt;")
+        .replace('"', "&quot;")
 }
 
 /// A PNG that a page carries with it.

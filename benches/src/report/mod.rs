@@ -3,7 +3,7 @@
 //!
 //! - [`Report`] collects parts in the order in which they are read; [`Report::html`] (`html`) writes them. Text is Markdown, the same that
 //!   the terminal shows, so that a table has one source.
-//! - `chart`: curves as SVG. [`Origin`] (`origin`): by what and on what something was measured.
+//! - `chart`: curves as SVG, through the crate `plotters`. [`Origin`] (`origin`): by what and on what something was measured.
 //! - [`csv`](fn@csv) flattens whatever serializes into lines.
 
 pub(crate) mod chart;

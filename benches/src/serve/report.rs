@@ -2,7 +2,8 @@
 
 use std::fmt::Write;
 
-use super::{Race, Results, Round};
+use super::{Results, Round};
+use crate::report::chart::{BLUE, GREY, Panel, RGBColor, Scale, Series, chart};
 
 /// What is promised: at least this share of nginx's requests, and at most this many times its p99.
 const GOALS: (f64, f64) = (0.9, 2.0);
@@ -85,90 +86,44 @@ pub fn held(results: &Results) -> String {
 /// What a panel shows of a round.
 type Figure = fn(&Round) -> f64;
 
-const PANEL: (f64, f64) = (300.0, 220.0);
-const LEFT: f64 = 70.0;
-const TOP: f64 = 60.0;
-const COLOURS: [&str; 2] = ["#8c959f", "#0969da"];
+const COLOURS: [RGBColor; 2] = [GREY, BLUE];
 
-/// Requests per second and p99 as SVG, round by round.
+/// Requests per second and p99 as SVG: a point for each round, a line at the median.
 pub fn plot(results: &Results) -> String {
-    let (width, height) = (2.0 * (PANEL.0 + LEFT) + 20.0, TOP + PANEL.1 + 60.0);
-    let mut svg = format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" viewBox=\"0 0 {width} {height}\" \
-         font-family=\"sans-serif\" font-size=\"11\" fill=\"#24292f\">\n<rect width=\"100%\" height=\"100%\" fill=\"#fff\"/>\n"
-    );
-    svg += &text(
-        8.0,
-        20.0,
-        "start",
-        "Records beside nginx, the same cores, by turns",
-    );
     let panels: [(&str, Figure); 2] = [
         ("requests per second", |round| round.requests_per_second),
         ("p99 of latency, ms", |round| round.p99_ms),
     ];
-    for (at, (title, of)) in panels.into_iter().enumerate() {
-        svg += &panel(&results.races, LEFT + at as f64 * (PANEL.0 + LEFT), title, of);
-    }
-    for (at, (race, colour)) in results.races.iter().zip(COLOURS).enumerate() {
-        let (x, y) = (LEFT + 120.0 * at as f64, height - 14.0);
-        let _ = writeln!(
-            svg,
-            "<circle cx=\"{x}\" cy=\"{:.1}\" r=\"4\" fill=\"{colour}\"/>",
-            y - 4.0
-        );
-        svg += &text(x + 10.0, y, "start", &race.host);
-    }
-    svg + "</svg>\n"
-}
-
-/// From zero to the largest value; a point for each round, a line at the median.
-fn panel(races: &[Race], left: f64, title: &str, of: Figure) -> String {
-    let all = races.iter().flat_map(|race| &race.rounds).map(of);
-    let most = all.fold(0.0, f64::max).max(1e-9) * 1.1;
-    let at = |value: f64| TOP + PANEL.1 * (1.0 - value / most);
-    let mut svg = text(left, TOP - 14.0, "start", title);
-    // Four steps or so, of 1, 2 or 5 times a power of ten.
-    let power = 10f64.powf((most / 4.0).log10().floor());
-    let step = power
-        * [1.0, 2.0, 5.0]
-            .into_iter()
-            .find(|times| most / (power * times) < 5.0)
-            .unwrap_or(10.0);
-    for tick in (0..)
-        .map(|count| f64::from(count) * step)
-        .take_while(|tick| *tick <= most)
-    {
-        let y = at(tick);
-        let _ = writeln!(svg, "<path d=\"M{left} {y:.1}h{}\" stroke=\"#d0d7de\"/>", PANEL.0);
-        let digits = (-step.log10().floor()).max(0.0) as usize;
-        svg += &text(left - 5.0, y + 4.0, "end", &format!("{tick:.digits$}"));
-    }
-    for (race, colour) in races.iter().zip(COLOURS) {
-        let y = at(of(&race.median()));
-        let _ = writeln!(
-            svg,
-            "<path d=\"M{left} {y:.1}h{}\" stroke=\"{colour}\" stroke-width=\"2\"/>",
-            PANEL.0
-        );
-        for (round, values) in race.rounds.iter().enumerate() {
-            let x = left + PANEL.0 * (round as f64 + 0.5) / race.rounds.len() as f64;
-            let _ = writeln!(
-                svg,
-                "<circle cx=\"{x:.1}\" cy=\"{:.1}\" r=\"4\" fill=\"{colour}\"/>",
-                at(of(values))
-            );
+    let panels = panels.map(|(title, of)| {
+        let series = results.races.iter().zip(COLOURS).flat_map(|(race, colour)| {
+            let rounds = race.rounds.iter().zip(1..);
+            let points = rounds.map(|(round, number)| (f64::from(number), of(round)));
+            let median = of(&race.median());
+            let to = race.rounds.len() as f64 + 0.5;
+            [
+                Series {
+                    width: 0.0,
+                    radius: 4.0,
+                    ..Series::new(&race.host, colour, points.collect())
+                },
+                Series::new("", colour, vec![(0.5, median), (to, median)]),
+            ]
+        });
+        Panel {
+            title: title.into(),
+            x_name: "round".into(),
+            x: Scale::Count,
+            y: Scale::FromZero,
+            series: series.collect(),
+            mark: None,
         }
-    }
-    svg
-}
-
-fn text(x: f64, y: f64, anchor: &str, text: &str) -> String {
-    format!("<text x=\"{x:.1}\" y=\"{y:.1}\" text-anchor=\"{anchor}\">{text}</text>\n")
+    });
+    chart("Records beside nginx, the same cores, by turns", 2, &panels)
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::Race;
     use super::*;
 
     fn results(ours: f64) -> Results {

@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use super::{Family, Judge, Point, Results};
 use crate::report::Report;
-use crate::report::chart::{self, Axes, Series, chart};
+use crate::report::chart::{BLUE, Panel, RED, Scale, Series, chart};
 
 /// Tables in Markdown: one for each knob, a row for each setting; then which defaults are beaten.
 pub fn table(results: &Results) -> String {
@@ -114,7 +114,7 @@ pub fn report(results: &Results) -> Report {
              memory and error. Empty: dominated. The ring marks the default.",
             results.rounds
         ))
-        .plots(charts(results));
+        .plots(vec![plot(results)]);
     for family in &results.families {
         report = report.heading(about(family)).text(rows_of(family));
     }
@@ -123,17 +123,14 @@ pub fn report(results: &Results) -> Report {
 
 /// All knobs as SVG, error over time.
 pub fn plot(results: &Results) -> String {
-    chart::stacked(&charts(results))
-}
-
-fn charts(results: &Results) -> Vec<String> {
-    results.families.iter().map(of_family).collect()
+    let panels: Vec<_> = results.families.iter().map(panel).collect();
+    chart(&format!("Error over time: {}", results.name), 2, &panels)
 }
 
 /// Below it errors are drawn on the axis: eight bits do not show them.
 const NO_ERROR: f64 = 1e-5;
 
-fn of_family(family: &Family) -> String {
+fn panel(family: &Family) -> Panel {
     let series = |beaten: bool| {
         let mut points: Vec<&Point> = family
             .points
@@ -142,31 +139,32 @@ fn of_family(family: &Family) -> String {
             .collect();
         points.sort_by(|a, b| a.ratio.total_cmp(&b.ratio));
         Series {
-            name: String::new(),
-            colour: if beaten { "#cf222e" } else { "#0969da" },
-            dashed: false,
-            points: points.iter().map(|point| (point.ratio, point.error)).collect(),
             labels: points.iter().map(|point| point.setting.clone()).collect(),
+            width: if beaten { 0.0 } else { 1.8 },
+            radius: 3.5,
             hollow: beaten,
+            ..Series::new(
+                if beaten { "dominated" } else { "on the front" },
+                if beaten { RED } else { BLUE },
+                points.iter().map(|point| (point.ratio, point.error)).collect(),
+            )
         }
     };
     let default = &family.points[family.default];
-    let title = format!(
-        "{}: relative RMSE to {}",
-        family.knob.title(),
-        family.knob.error()
-    );
-    let x = format!("time of {}, to that of the default", family.knob.timed());
-    let axes = Axes {
-        title: &title,
-        x: &x,
-        log_above: Some(NO_ERROR),
-    };
-    chart(
-        &axes,
-        &[series(false), series(true)],
-        Some((default.ratio, default.error)),
-    )
+    Panel {
+        title: format!(
+            "{}: relative RMSE to {}",
+            family.knob.title(),
+            family.knob.error()
+        ),
+        x_name: format!("time of {}, to that of the default", family.knob.timed()),
+        x: Scale::Log { least: None },
+        y: Scale::Log {
+            least: Some(NO_ERROR),
+        },
+        series: vec![series(false), series(true)],
+        mark: Some((default.ratio, default.error)),
+    }
 }
 
 fn number(value: f64) -> String {
