@@ -53,7 +53,7 @@ impl Axis {
         });
         let size = low.abs().max(high.abs());
         let room = if high - low > 1e-9 * size {
-            0.05 * (high - low)
+            0.06 * (high - low)
         } else {
             (1e-3 * size).max(0.5)
         };
@@ -128,7 +128,7 @@ fn ticks(scale: Scale, low: f64, high: f64) -> Vec<(f64, String)> {
 
 /// Powers of ten, halved and doubled where there are few of them, between two exponents.
 fn logarithmic(low: f64, high: f64) -> Vec<(f64, String)> {
-    let factors: &[f64] = if high - low > 2.5 {
+    let factors: &[f64] = if high - low > 3.2 {
         &[1.0]
     } else {
         &[1.0, 2.0, 5.0]

@@ -16,6 +16,8 @@ const SCALE: i32 = 10;
 const PANEL: (f64, f64) = (480.0, 268.0);
 /// From its left edge to its axis, pixels.
 const LEFT: f64 = 62.0;
+/// Beside titles and legend, pixels.
+const MARGIN: f64 = 8.0;
 /// A line of a title, and of the legend, pixels.
 const LINE: f64 = 22.0;
 
@@ -51,7 +53,7 @@ fn draw(
     panels: &[Panel],
 ) -> Drawn {
     canvas.fill(&WHITE)?;
-    heading(canvas, 8.0, title)?;
+    heading(canvas, MARGIN, title)?;
     let (head, body) = canvas.split_vertically(px(LINE + legend.height()));
     legend.draw(&head)?;
     for (area, of) in body.split_evenly(grid).iter().zip(panels) {
@@ -145,7 +147,7 @@ fn panel(area: &Area<'_>, panel: &Panel) -> Drawn {
 /// Samples and names of series, in columns.
 struct Legend<'a> {
     series: Vec<&'a Series>,
-    columns: usize,
+    rows: usize,
     /// Of a column, pixels.
     wide: f64,
 }
@@ -160,23 +162,23 @@ impl<'a> Legend<'a> {
         }
         let letters = series.iter().map(|series| series.name.chars().count()).max();
         let wide = 50.0 + 6.6 * letters.unwrap_or(0) as f64;
-        let columns = ((width - LEFT) / wide).max(1.0) as usize;
+        let columns = ((width - MARGIN) / wide).max(1.0) as usize;
         Self {
+            rows: series.len().div_ceil(columns),
             series,
-            columns,
             wide,
         }
     }
 
     fn height(&self) -> f64 {
-        LINE * self.series.len().div_ceil(self.columns) as f64
+        LINE * self.rows as f64
     }
 
     /// Below the title.
     fn draw(&self, area: &Area<'_>) -> Drawn {
         for (at, series) in self.series.iter().enumerate() {
-            let x = LEFT + self.wide * (at % self.columns) as f64;
-            let y = px(LINE * (1.4 + (at / self.columns) as f64));
+            let x = MARGIN + self.wide * (at / self.rows) as f64;
+            let y = px(LINE * (1.4 + (at % self.rows) as f64));
             line(area, series, &[(px(x), y), (px(x + 24.0), y)])?;
             circles(area, series, &[(px(x + 12.0), y)])?;
             let style = text(11.0).pos(Pos::new(HPos::Left, VPos::Center));
@@ -217,7 +219,7 @@ fn circles(area: &Area<'_>, series: &Series, places: &[(i32, i32)]) -> Drawn {
 
 /// At the top, smaller where it is long: bold letters are about six tenths as wide as high.
 fn heading(area: &Area<'_>, left: f64, title: &str) -> Drawn {
-    let room = pixels(area.dim_in_pixel().0 as i32) - left - 8.0;
+    let room = pixels(area.dim_in_pixel().0 as i32) - left - MARGIN;
     let size = (room / (0.62 * title.chars().count().max(1) as f64)).min(13.0);
     let mut style = text(size);
     style.font = style.font.style(FontStyle::Bold);
@@ -296,11 +298,8 @@ mod tests {
                         && svg.contains("s &gt; t")
                 );
                 let nothing = svg.matches("nothing to draw").count();
-                assert!(
-                    nothing == if drawn == 0 { 2 } else { 0 }
-                        || matches!(scale, Scale::Linear | Scale::FromZero | Scale::Count),
-                    "{svg}"
-                );
+                assert!(nothing == 0 || drawn == 0, "{svg}");
+                assert!(nothing > 0 || drawn > 0, "{svg}");
             }
         }
         assert!(chart("", 0, &[]).ends_with("</svg>\n"));
