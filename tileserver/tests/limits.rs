@@ -207,8 +207,9 @@ async fn a_server_without_room_says_so() {
         200,
         "what takes no memory goes on"
     );
+    // With its checksum.
     let first = timeout(PATIENCE, receive(deaf)).await.unwrap();
-    assert_eq!((first.status, first.body.len()), (200, 6 << 20));
+    assert_eq!((first.status, first.body.len()), (200, (6 << 20) + 4));
     assert_eq!(server.get(&format!("/v1/large/{id}/column/1")).await.status, 200);
     server.stop().await;
 }
