@@ -5,8 +5,8 @@ use crate::gpu::materials::Btf;
 /// Luminance of reflectance below which darker is not seen as different: a hundredth of white.
 const DARK: f64 = 0.01;
 
-/// How much a square of contrast hides beside one of the mean. Of 0, 3, 10, 30, 100 and 300 the one with which pictures came with the
-/// fewest bytes (`eigentile bench stream`; from 3 to 100 they differ by an eighth).
+/// How much a square of contrast hides beside one of the mean. Of 0, 1, 3, 10 and 30 the one with which pictures came with the
+/// fewest bytes (`eigentile bench stream`, one scene; from 1 to 30 they differ by a twentieth).
 const MASKING: f64 = 3.0;
 
 /// What a squared error of reflectance counts for where pixels want each tile: 1 / (mean² + masking · contrast²).
