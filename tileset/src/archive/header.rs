@@ -16,6 +16,12 @@ pub(super) const VERSION: u32 = 6;
 /// Largest accepted text of a manifest: twice what the largest valid one can need.
 pub(super) const MAX_MANIFEST_BYTES: usize = 1 << 20;
 
+/// Largest index: header, manifest, tables and directory, as they stand in the file.
+pub const MAX_INDEX_BYTES: u64 = HEADER_BYTES as u64
+    + frame::bound(MAX_MANIFEST_BYTES) as u64
+    + MAX_TABLES_BYTES
+    + MAX_DIRECTORY_BYTES as u64;
+
 /// The header's members; all integers are little-endian.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Header {

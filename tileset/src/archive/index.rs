@@ -108,7 +108,7 @@ impl Index {
     }
 
     /// Number of leading bytes of an archive that hold header, manifest and directory, told by the first
-    /// [`HEADER_BYTES`] of it. At most about 40 MB, whatever the header says.
+    /// [`HEADER_BYTES`] of it. At most [`MAX_INDEX_BYTES`](super::MAX_INDEX_BYTES), whatever the header says.
     ///
     /// # Errors
     /// As [`Index::parse`], of the header.

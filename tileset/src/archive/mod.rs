@@ -15,7 +15,7 @@ mod read_at;
 mod reader;
 mod writer;
 
-pub use header::HEADER_BYTES;
+pub use header::{HEADER_BYTES, MAX_INDEX_BYTES};
 pub use index::{CHECKSUM_BYTES, Index, Record, contents};
 pub use read_at::ReadAt;
 pub use reader::Archive;

@@ -98,26 +98,21 @@ impl Material {
 
     /// Ranks of the pages that are wanted and not resident, but reachable.
     pub(in crate::residency) fn for_each_addable(&self, group: usize, pin: bool, mut each: impl FnMut(Rank)) {
-        self.for_each_addable_tile(group, pin, |tile| {
-            let rank = self.page_rank(group, tile, pin);
-            if rank.is_wanted() {
-                each(rank);
-            }
-        });
-    }
-
-    /// Tiles of the pages that could be added, wanted or not.
-    pub(super) fn for_each_addable_tile(&self, group: usize, pin: bool, mut each: impl FnMut(u32)) {
         let at = &self.groups[group];
         if !(at.open || (pin && group == 0)) {
             return;
         }
-        let slots = self.page_slots(group);
-        if slots[0] == NONE {
-            each(0);
+        let mut each_wanted = |tile| {
+            let rank = self.page_rank(group, tile, pin);
+            if rank.is_wanted() {
+                each(rank);
+            }
+        };
+        if self.page_slots(group)[0] == NONE {
+            each_wanted(0);
         }
         if at.column_slot != NONE {
-            self.for_each_below_residents(group, each);
+            self.for_each_below_residents(group, each_wanted);
         }
     }
 

@@ -17,7 +17,7 @@ mod tests;
 use std::{collections::VecDeque, path::PathBuf, sync::Arc, time::Duration};
 
 use bytes::Bytes;
-use tileset::archive::Index;
+use tileset::archive::{Index, MAX_INDEX_BYTES};
 use xxhash_rust::xxh3::xxh3_128;
 
 use self::store::Store;
@@ -27,8 +27,6 @@ use super::{
 };
 use crate::{Error, Result};
 
-/// Largest index that is read: a little more than [`Index::prefix_bytes`] allows.
-const MAX_INDEX_BYTES: u64 = 40 << 20;
 /// Failures of the disk after which nothing more is added in this run: it is full, or not ours.
 const MAX_FAILURES: u32 = 8;
 

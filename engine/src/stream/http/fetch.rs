@@ -9,9 +9,9 @@ use std::{
 };
 
 use bytes::Bytes;
-use serde::Deserialize;
+use serde::{Deserialize, de::IgnoredAny};
 use tileset::{
-    archive::{CHECKSUM_BYTES, Index},
+    archive::{CHECKSUM_BYTES, Index, MAX_INDEX_BYTES},
     codec::{MAX_COLUMN_BYTES, MAX_PAGE_BYTES},
 };
 
@@ -26,8 +26,6 @@ use crate::{Error, Result};
 
 /// Largest manifest: 2 × 4096 directions and 1024 singular values take about 0.6 MiB as JSON.
 const MAX_MANIFEST_BYTES: u64 = 4 << 20;
-/// Largest header, manifest and directory: a little more than [`tileset::archive::Index::prefix_bytes`] allows.
-const MAX_INDEX_BYTES: u64 = 40 << 20;
 /// Largest records, with their checksums.
 const MAX_STORED_PAGE_BYTES: u64 = (MAX_PAGE_BYTES + CHECKSUM_BYTES) as u64;
 const MAX_STORED_COLUMN_BYTES: u64 = (MAX_COLUMN_BYTES + CHECKSUM_BYTES) as u64;
@@ -52,7 +50,7 @@ struct Known {
 #[derive(Clone, Default, Deserialize)]
 struct Urls {
     /// Many records in one answer.
-    batch: Option<String>,
+    batch: Option<IgnoredAny>,
 }
 
 impl Known {
@@ -64,7 +62,7 @@ impl Known {
             largest_column_bytes: MAX_STORED_COLUMN_BYTES,
             // Who answers for an index by name does batches.
             urls: Urls {
-                batch: Some(String::new()),
+                batch: Some(IgnoredAny),
             },
             index: parse_shared(bytes).ok(),
         }
